@@ -1,0 +1,67 @@
+"""`outrider bench`: runs one benchmark, or all of them, and writes what it measured."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from benchmarks import latency
+from benchmarks.base import Benchmark, Outcome, Settings, as_json
+from common.config import ConfigError, unknown_key_text
+
+BENCHMARKS: dict[str, Benchmark] = {b.name: b for b in (latency.BENCHMARK,)}
+_RESULTS = Path("benchmarks/results")
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run as the arguments say; returns 0 when the run is complete, whatever the figures.
+
+    Raises:
+        ConfigError: unknown benchmark.
+    """
+    parser = argparse.ArgumentParser(prog="outrider bench", description="Run a benchmark and print its figures.")
+    parser.add_argument("name", nargs="?", help="benchmark; none runs all and writes benchmarks/results")
+    parser.add_argument("--list", action="store_true", help="name the benchmarks")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--quick", action="store_true", help="within 60 s: shorter, never easier")
+    parser.add_argument("--json", type=Path, metavar="FILE")
+    parser.add_argument("--plots", type=Path, metavar="DIR")
+    args = parser.parse_args(arguments)
+    if args.list:
+        for benchmark in BENCHMARKS.values():
+            print(f"{benchmark.name:16} {benchmark.doc}")
+        return 0
+    if args.name is not None and args.name not in BENCHMARKS:
+        raise ConfigError(f"bench: {unknown_key_text(args.name, BENCHMARKS)}")
+    if args.plots is not None:
+        args.plots.mkdir(parents=True, exist_ok=True)
+    if args.name is None:
+        return _run_all(Settings(args.seed, args.quick, _RESULTS))
+    settings = Settings(args.seed, args.quick, args.plots)
+    benchmark = BENCHMARKS[args.name]
+    outcome = benchmark.run(settings)
+    _print(benchmark, outcome)
+    if args.json is not None:
+        args.json.write_text(as_json(benchmark, settings, outcome), encoding="utf-8")
+    return 0
+
+
+def _run_all(settings: Settings) -> int:
+    _RESULTS.mkdir(parents=True, exist_ok=True)
+    for benchmark in BENCHMARKS.values():
+        outcome = benchmark.run(settings)
+        (_RESULTS / f"{benchmark.name}.json").write_text(as_json(benchmark, settings, outcome), encoding="utf-8")
+        _print(benchmark, outcome)
+    return 0
+
+
+def _print(benchmark: Benchmark, outcome: Outcome) -> None:
+    print(f"\n{benchmark.name}: {benchmark.doc}")
+    for name, value in outcome.results.items():
+        paper = f"   paper {outcome.paper[name]:g}" if name in outcome.paper else ""
+        print(f"  {name:32} {value:10.3f}{paper}")
+    print(
+        "  baseline "
+        + ", ".join(f"{k} {v:.3f}" if isinstance(v, float) else f"{k} {v}" for k, v in outcome.baseline.items())
+    )

@@ -1,0 +1,330 @@
+"""The bus: Zenoh sessions, one router a side, clients that wait for their router, readers that keep the latest.
+
+Topology and settings follow measurements: a client that waits for its router (`connect/timeout_ms: -1`), a ring in
+front of every reader (a callback or a FIFO in front of a slow reader builds seconds of backlog), nothing that blocks
+a publisher, no multicast, and loopback unless an endpoint says otherwise.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import secrets
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+import msgspec
+import zenoh
+
+from common import topics
+from common.codec import UNDECODABLE, Rejected, decode, encode, schema_hash
+from common.header import Header, InputRef
+from common.messages import Command, Message, MessageError, Reply
+from common.session import BusConfig, Side, open_client
+
+log = logging.getLogger(__name__)
+
+T = TypeVar("T", bound=Message)
+_QUEUE_DEPTH = 256
+
+
+@dataclass(frozen=True)
+class Received(Generic[T]):
+    """A checked message with its header and the time of its arrival."""
+
+    message: T
+    header: Header
+    received_ns: int
+
+    def reference(self, topic: str) -> InputRef:
+        """Entry for the header of what is computed from this message."""
+        h = self.header
+        return InputRef(topic, h.seq, h.source, h.capture_ns, h.sent_ns, self.received_ns)
+
+
+def _survive(name: str, work: Callable[[], None]) -> None:
+    """Call a reader's callback; its exception is logged, and the reader goes on with the next message."""
+    try:
+        work()
+    except Exception:
+        log.exception("%s: a callback failed", name)
+
+
+class Subscription:
+    """A reader of one topic: a ring in Zenoh, one thread that decodes, checks and hands on."""
+
+    def __init__(
+        self, session: zenoh.Session, vehicle: str, topic: topics.Topic, callback: Callable[[Received[Any]], None]
+    ):
+        self.topic = topic
+        self.rejected: Counter[str] = Counter()
+        """Messages refused at the door, by reason."""
+        self.dropped = 0
+        """Messages that were overwritten in the ring or lost on the way, from gaps in the sequence."""
+        self._callback = callback
+        self._last: dict[tuple[str, int], int] = {}
+        depth = 1 if topic.delivery == "latest" else _QUEUE_DEPTH
+        self._subscriber = session.declare_subscriber(
+            topics.key(vehicle, topic.name), zenoh.handlers.RingChannel(depth)
+        )
+        self._thread = threading.Thread(target=self._read, name=f"read {topic.name}", daemon=True)
+        self._thread.start()
+
+    def _read(self) -> None:
+        while True:
+            try:
+                sample = self._subscriber.recv()
+            except Exception:  # noqa: BLE001 — the binding raises several types once the session is closed
+                return
+            received_ns = time.monotonic_ns()
+            attachment = sample.attachment
+            try:
+                header, message = decode(
+                    self.topic.type,
+                    sample.payload.to_bytes(),
+                    attachment.to_bytes() if attachment is not None else None,
+                )
+            except Rejected as refusal:
+                self._count_rejection(refusal)
+                continue
+            self._count_gap(header)
+            _survive(self.topic.name, lambda r=Received(message, header, received_ns): self._callback(r))
+
+    def _count_rejection(self, refusal: Rejected) -> None:
+        # The first of each kind is worth a line; a flood of them is worth a number only.
+        if not self.rejected[refusal.reason]:
+            log.warning("%s: refused a message: %s", self.topic.name, refusal)
+        self.rejected[refusal.reason] += 1
+
+    def _count_gap(self, header: Header) -> None:
+        stream = (header.source, header.boot)
+        last = self._last.get(stream)
+        if last is None:
+            self._last = {stream: header.seq}
+            return
+        self.dropped += max(0, header.seq - last - 1)
+        self._last[stream] = header.seq
+
+    def join(self) -> None:
+        """Wait for the reader thread once the session is closed, which is what ends it."""
+        self._thread.join(timeout=1.0)
+
+
+class Query:
+    """A command that arrived; it must be answered exactly once."""
+
+    def __init__(self, name: str, command: Command, query: zenoh.Query, key: str):
+        self.name = name
+        self.command = command
+        self._query = query
+        self._key = key
+
+    def reply(self, reply: Reply) -> None:
+        """Send the answer to whoever asked; a client that has gone is no error."""
+        with contextlib.suppress(zenoh.ZError):
+            self._query.reply(self._key, msgspec.msgpack.encode(reply))
+            self._query.drop()
+
+
+class Bus:
+    """A node's client session with its side's router. Close it, or the process hangs at exit.
+
+    Args:
+        config: endpoints and vehicle name.
+        side: whose router to use.
+        source: node name, for headers and liveliness.
+        wait_s: how long to wait for the router, s; None for ever.
+        stop: ends the waiting.
+
+    Raises:
+        RouterAbsent: no router within `wait_s`, or told to stop.
+    """
+
+    def __init__(
+        self,
+        config: BusConfig,
+        side: Side,
+        source: str,
+        wait_s: float | None = None,
+        stop: threading.Event | None = None,
+    ):
+        self.config = config
+        self.source = source
+        self.boot = secrets.randbits(63)
+        self._session = open_client(config.router_of(side), wait_s, stop)
+        self._publishers: dict[str, zenoh.Publisher] = {}
+        self._sequence: Counter[str] = Counter()
+        self._open: list[Any] = []
+        self._lock = threading.Lock()
+
+    def _publisher(self, name: str) -> zenoh.Publisher:
+        publisher = self._publishers.get(name)
+        if publisher is None:
+            topic = topics.topic(name)
+            publisher = self._session.declare_publisher(
+                topics.key(self.config.vehicle, name),
+                encoding=zenoh.Encoding(f"application/x-outrider;schema={topic.type.__name__}"),
+                # A reader that stalls must never stall the vehicle: every stream may drop, none may block.
+                congestion_control=zenoh.CongestionControl.DROP,
+                priority=getattr(zenoh.Priority, topic.priority.upper()),
+                express=topic.priority == "real_time",
+                reliability=zenoh.Reliability.RELIABLE if topic.reliable else zenoh.Reliability.BEST_EFFORT,
+            )
+            self._publishers[name] = publisher
+        return publisher
+
+    def declare_output(self, name: str) -> None:
+        """Announce a stream before its first message, so that readers can be seen to wait for it."""
+        with self._lock:
+            self._publisher(name)
+
+    def has_reader(self, name: str) -> bool:
+        """Whether anyone subscribes to a stream of ours."""
+        with self._lock:
+            return bool(self._publisher(name).matching_status)
+
+    def publish(
+        self, name: str, message: Message, capture_ns: int | None = None, inputs: tuple[InputRef, ...] = ()
+    ) -> Header:
+        """Send a message; returns its header.
+
+        Args:
+            name: topic.
+            message: an instance of the topic's type.
+            capture_ns: when the data was true (vehicle clock); None for now.
+            inputs: what it was computed from.
+
+        Raises:
+            KeyError: unknown topic.
+            MessageError: the message breaks its type's promises, or is of another type: it is not sent.
+        """
+        topic = topics.topic(name)
+        if type(message) is not topic.type:
+            raise MessageError(f"{name}: got a {type(message).__name__}, expected a {topic.type.__name__}")
+        with self._lock:
+            sent_ns = time.monotonic_ns()
+            header = Header(
+                schema_hash(topic.type),
+                self.source,
+                self.boot,
+                self._sequence[name],
+                sent_ns,
+                sent_ns if capture_ns is None else capture_ns,
+                inputs,
+            )
+            payload, attachment = encode(header, message)
+            self._sequence[name] += 1
+            self._publisher(name).put(payload, attachment=attachment)
+        return header
+
+    def subscribe(self, name: str, callback: Callable[[Received[Any]], None]) -> Subscription:
+        """Read a topic; the callback runs in a thread of its own and may be slow: it then skips messages."""
+        subscription = Subscription(self._session, self.config.vehicle, topics.topic(name), callback)
+        self._open.append(subscription)
+        return subscription
+
+    def subscribe_raw(self, pattern: str, callback: Callable[[zenoh.Sample], None], depth: int = 512) -> None:
+        """Hand on every sample whose name matches a key pattern, undecoded: for the recorder and `outrider topics`."""
+        subscriber = self._session.declare_subscriber(
+            topics.key(self.config.vehicle, pattern), zenoh.handlers.RingChannel(depth)
+        )
+        self._open.append(subscriber)
+
+        def read() -> None:
+            while True:
+                try:
+                    sample = subscriber.recv()
+                except Exception:  # noqa: BLE001 — the binding raises several types once the session is closed
+                    return
+                _survive(pattern, lambda s=sample: callback(s))
+
+        threading.Thread(target=read, name=f"read {pattern}", daemon=True).start()
+
+    def serve(self, command: str, callback: Callable[[Query], None]) -> None:
+        """Answer a command: the callback gets each query and sees that it is answered, now or later."""
+        key = topics.key(self.config.vehicle, topics.COMMANDS[command].name)
+
+        def answer(query: zenoh.Query) -> None:
+            try:
+                payload = query.payload
+                argument = msgspec.msgpack.decode(payload.to_bytes(), type=Command) if payload else Command()
+                argument.check()
+            except (*UNDECODABLE, MessageError) as error:
+                refusal = Reply(outcome="refused", reason=f"{command}: malformed argument ({error})")
+                query.reply(key, msgspec.msgpack.encode(refusal))
+                return
+            callback(Query(command, argument, query, key))
+
+        self._open.append(self._session.declare_queryable(key, answer))
+
+    def query(self, command: str, argument: Command | None = None, timeout_s: float | None = None) -> Reply:
+        """Ask for a command and wait for the reply; `failed` when nobody answers in time.
+
+        Raises:
+            KeyError: unknown command.
+        """
+        spec = topics.COMMANDS[command]
+        timeout_s = spec.timeout_s if timeout_s is None else timeout_s
+        replies = self._session.get(
+            topics.key(self.config.vehicle, command),
+            payload=msgspec.msgpack.encode(argument or Command()),
+            timeout=timeout_s,
+            # The default keeps a reply back until every router has closed the query: across two of them, its timeout.
+            consolidation=zenoh.ConsolidationMode.NONE,
+            congestion_control=zenoh.CongestionControl.BLOCK_FIRST,
+            priority=zenoh.Priority.REAL_TIME,
+            express=True,
+        )
+        for reply in replies:
+            if reply.ok is not None:
+                try:
+                    return msgspec.msgpack.decode(reply.ok.payload.to_bytes(), type=Reply)
+                except UNDECODABLE as error:
+                    return Reply(
+                        outcome="failed",
+                        reason=f"{command}: malformed reply ({error}); do both sides run the same version of Outrider?",
+                    )
+        node = command.split("/")[0]
+        return Reply(outcome="failed", reason=f"{command}: no answer in {timeout_s:g} s; is node {node!r} running?")
+
+    def announce(self) -> None:
+        """Say that this node is alive until the session ends."""
+        self._open.append(
+            self._session.liveliness().declare_token(
+                topics.key(self.config.vehicle, f"alive/{self.source}/{self.boot}")
+            )
+        )
+
+    def alive(self, timeout_s: float = 1.0) -> dict[str, list[int]]:
+        """Live nodes: name to the boot identifiers of its processes (more than one is a conflict)."""
+        nodes: dict[str, list[int]] = {}
+        with contextlib.suppress(zenoh.ZError):
+            for reply in self._session.liveliness().get(
+                topics.key(self.config.vehicle, "alive/*/*"), timeout=timeout_s
+            ):
+                if reply.ok is not None:
+                    *_, name, boot = str(reply.ok.key_expr).split("/")
+                    nodes.setdefault(name, []).append(int(boot))
+        return nodes
+
+    def connected(self) -> bool:
+        """Whether the session has its router."""
+        return bool(self._session.info.routers_zid())
+
+    def close(self) -> None:
+        """End the session, and with it all readers, answers and the liveliness token."""
+        self._session.close()
+        for item in self._open:
+            if isinstance(item, Subscription):
+                item.join()
+        self._open.clear()
+
+    def __enter__(self) -> Bus:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

@@ -1,0 +1,233 @@
+"""The `outrider` command."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from common import __version__, topics
+from common.bus import Bus
+from common.config import ConfigError, load_object
+from common.launch import run_process, run_side, set_up_logging
+from common.messages import Command
+from common.processes import PROCESSES, load_config, process, side_processes
+from common.session import BusConfig, RouterAbsent, Side
+from common.supervisor import EXIT_CONFIG
+
+_EPILOG = """\
+Three terminals, in any order:
+  outrider sim                          the world and the simulated autopilot
+  outrider onboard --config kite        camera and helm, on the vehicle
+  outrider ground  --config kite        tracker, console and recorder; console on http://localhost:8080
+Then fly from the console, or from a fourth:
+  outrider do takeoff --height 5
+  outrider do select 300,220,60,40
+  outrider do chase
+  outrider do land
+"""
+
+
+def _add_config(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--config",
+        metavar="FILE",
+        default="kite",
+        help="vehicle file: a path, or a name in deploy/vehicles (default: kite)",
+    )
+    parser.add_argument(
+        "--set",
+        metavar="SECTION.KEY=VALUE",
+        action="append",
+        default=[],
+        dest="overrides",
+        help="override one key of the vehicle file; may be repeated",
+    )
+    parser.add_argument("--verbose", action="store_true", help="log the resolved configuration and details")
+
+
+def _add_side(subparsers: argparse._SubParsersAction, side: Side, doc: str) -> argparse.ArgumentParser:
+    names = "\n".join(f"  {p.name:15} {p.doc}" for p in side_processes(side))
+    parser = subparsers.add_parser(
+        side,
+        help=doc,
+        description=f"{doc}.\n\nProcesses:\n{names}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    _add_config(parser)
+    parser.add_argument(
+        "--without", metavar="NODE", action="append", default=[], help="leave out a process; may be repeated"
+    )
+    return parser
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="outrider",
+        description="Vision-guided flight: onboard side, ground side, and a world to try them in.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"outrider {__version__}")
+    sub = parser.add_subparsers(dest="action", required=True, metavar="COMMAND")
+
+    sim = _add_side(sub, "sim", "Start the simulated world and the simulated autopilot")
+    sim.add_argument("--scenario", metavar="FILE", help="scenario file: a path, or a name in deploy/scenarios")
+    onboard = _add_side(sub, "onboard", "Start the vehicle's side")
+    onboard.add_argument("--autopilot", metavar="URL", help="MAVLink URL, such as udpin://127.0.0.1:14540")
+    onboard.add_argument("--source", metavar="PATH", help="video file or image folder instead of the simulated camera")
+    _add_side(sub, "ground", "Start the ground station's side")
+
+    node = sub.add_parser(
+        "node",
+        help="Start one process alone",
+        description="Start one process of any side alone.",
+        epilog="\n".join(f"  {p.name:15} {p.doc}" for p in PROCESSES.values()),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    node.add_argument("name", metavar="NAME", help="process name, see below")
+    _add_config(node)
+    node.add_argument("--source", metavar="PATH", help="camera: video file or image folder")
+
+    _add_do(sub)
+    _add_topics(sub)
+    _add_demo(sub)
+    bench = sub.add_parser("bench", help="Run a benchmark", add_help=False)
+    bench.add_argument("arguments", nargs=argparse.REMAINDER)
+    return parser
+
+
+def _add_do(sub: argparse._SubParsersAction) -> None:
+    do = sub.add_parser(
+        "do",
+        help="Give the vehicle a command, as the console's buttons do",
+        description="Give a command and print the reply; exit code 0 when done, 1 otherwise.",
+        epilog="\n".join(f"  {c.name.split('/')[-1]:10} {c.doc}" for c in topics.COMMANDS.values()),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    do.add_argument("command", metavar="COMMAND", help="see below")
+    do.add_argument("box", nargs="?", metavar="X,Y,W,H", help="select: the target's box in the picture, px")
+    do.add_argument("--height", type=float, metavar="M", help="takeoff: height above home, m")
+    do.add_argument("--side", choices=("onboard", "ground"), default="ground", help="whose router to use")
+    _add_config(do)
+
+
+def _add_topics(sub: argparse._SubParsersAction) -> None:
+    parser = sub.add_parser(
+        "topics",
+        help="Show the live bus",
+        description="List the streams, measure them (hz), or print their messages (echo).",
+    )
+    parser.add_argument("verb", nargs="?", choices=("list", "hz", "echo"), default="list")
+    parser.add_argument("names", nargs="*", metavar="TOPIC", help="topic names; hz without any measures all")
+    parser.add_argument("--seconds", type=float, default=3.0, help="how long to listen (list, hz)")
+    parser.add_argument("--count", type=int, default=0, help="echo: stop after so many messages (default: never)")
+    parser.add_argument("--side", choices=("onboard", "ground"), default="ground", help="whose router to use")
+    _add_config(parser)
+
+
+def _add_demo(sub: argparse._SubParsersAction) -> None:
+    demo = sub.add_parser(
+        "demo",
+        help="All three sides on this machine: take off and chase the car",
+        description="Start simulation, onboard side and ground side, take off, select the car and "
+        "chase it until Ctrl-C. Console on http://localhost:8080.",
+    )
+    demo.add_argument("--headless", action="store_true", help="no console; judge the chase by its exit code")
+    demo.add_argument("--duration", type=float, metavar="S", help="chase for so long, then land and end")
+    demo.add_argument("--report", metavar="FILE", help="write errors, losses and latencies as JSON")
+    demo.add_argument("--scenario", metavar="FILE", default="chase", help="scenario (default: chase)")
+    demo.add_argument("--seed", type=int, help="seed of the scenario's randomness")
+    _add_config(demo)
+
+
+def _run_side(args: argparse.Namespace) -> int:
+    overrides = list(args.overrides)
+    if getattr(args, "scenario", None):
+        overrides.append(f"world.scenario={args.scenario}")
+    if getattr(args, "autopilot", None):
+        overrides.append(f"helm.autopilot_url={args.autopilot}")
+    if getattr(args, "source", None):
+        overrides.append(f"video.source={args.source}")
+    load_config(args.config, overrides)  # refuse a bad configuration here, once, before anything starts
+    arguments = ["--config", args.config, *(part for text in overrides for part in ("--set", text))]
+    return run_side(args.action, arguments + (["--verbose"] if args.verbose else []), args.without)
+
+
+def _run_node(args: argparse.Namespace) -> int:
+    overrides = list(args.overrides) + ([f"video.source={args.source}"] if args.source else [])
+    return run_process(process(args.name), load_config(args.config, overrides))
+
+
+def _run_do(args: argparse.Namespace) -> int:
+    commands = {name.split("/")[-1]: name for name in topics.COMMANDS}
+    if args.command not in commands:
+        raise ConfigError(f"do: got {args.command!r}, expected one of: {', '.join(commands)}")
+    box = None
+    if args.box:
+        try:
+            x, y, w, h = (float(part) for part in args.box.split(","))
+        except ValueError:
+            raise ConfigError(f"do {args.command}: got box {args.box!r}, expected X,Y,W,H in px") from None
+        box = (x, y, w, h)
+    with Bus(load_config(args.config, args.overrides).section(BusConfig), args.side, "cli", wait_s=3.0) as bus:
+        reply = bus.query(commands[args.command], Command(box_px=box, height_m=args.height, operator="command line"))
+    print(f"{args.command}: {reply.outcome}" + (f": {reply.reason}" if reply.reason else ""))
+    return 0 if reply.outcome == "done" else 1
+
+
+def _run_topics(args: argparse.Namespace) -> int:
+    from common import topics_tool
+
+    with Bus(load_config(args.config, args.overrides).section(BusConfig), args.side, "cli", wait_s=3.0) as bus:
+        if args.verb == "hz":
+            topics_tool.hz(bus, args.names, args.seconds)
+        elif args.verb == "echo":
+            if len(args.names) != 1:
+                raise ConfigError(f"topics echo: got {len(args.names)} names, expected one topic")
+            topics_tool.echo(bus, args.names[0], args.count)
+        else:
+            topics_tool.list_topics(bus, args.seconds)
+    return 0
+
+
+def _run_demo(args: argparse.Namespace) -> int:
+    return load_object("simulation.demo.run:main")(args)
+
+
+def _run_bench(args: argparse.Namespace) -> int:
+    return load_object("benchmarks.run:main")(args.arguments)
+
+
+_ACTIONS = {
+    "sim": _run_side,
+    "onboard": _run_side,
+    "ground": _run_side,
+    "node": _run_node,
+    "do": _run_do,
+    "topics": _run_topics,
+    "demo": _run_demo,
+    "bench": _run_bench,
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit code (0 done, 1 failed, 2 not usable as given, 3 already running)."""
+    args = _parser().parse_args(argv)
+    set_up_logging(getattr(args, "name", None) or args.action, getattr(args, "verbose", False))
+    try:
+        return _ACTIONS[args.action](args)
+    except (ConfigError, RouterAbsent) as error:
+        print(f"outrider: {error}", file=sys.stderr)
+        return EXIT_CONFIG
+    except KeyError as error:
+        if error.args and str(error.args[0]).startswith("unknown topic"):
+            print(f"outrider: {error.args[0]}", file=sys.stderr)
+            return EXIT_CONFIG
+        raise
+    except KeyboardInterrupt:
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,379 @@
+"""Every message type of the bus: typed, versioned by a schema hash, validated on receipt.
+
+Field docs give units and frame. `check` enforces what types cannot say (finite numbers, shapes, unit quaternions);
+`common.codec` calls it for each message that arrives, so an algorithm never sees a malformed one.
+Vectors are tuples of floats; quaternions are (w, x, y, z), Hamilton, rotating from the frame named second to the one
+named first (`ned_q_body` turns a body vector into NED).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Literal
+
+import msgspec
+
+Vec2 = tuple[float, float]
+Vec3 = tuple[float, float, float]
+Quat = tuple[float, float, float, float]
+
+
+class MessageError(ValueError):
+    """A message whose content is refused; the text says what was got and what was expected."""
+
+
+class Message(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Base of all messages: immutable, unknown fields refused, numbers finite."""
+
+    def check(self) -> None:
+        """Raise MessageError when a value is outside what the field docs promise (here: a number is not finite)."""
+        for name in self.__struct_fields__:
+            _check_finite(name, getattr(self, name))
+
+
+def _check_finite(name: str, value: Any) -> None:
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            raise MessageError(f"{name}: got {value}, expected a finite number")
+    elif isinstance(value, (tuple, list)):
+        for item in value:
+            _check_finite(name, item)
+    elif isinstance(value, dict):
+        for key, item in value.items():
+            _check_finite(f"{name}.{key}", item)
+    elif isinstance(value, Message):
+        value.check()
+
+
+def _check_quaternion(name: str, quat: Quat) -> None:
+    norm = math.sqrt(sum(c * c for c in quat))
+    if abs(norm - 1.0) > 1e-2:
+        raise MessageError(f"{name}: got norm {norm:.4f}, expected a unit quaternion")
+
+
+def _check_range(name: str, value: float, low: float, high: float) -> None:
+    if not low <= value <= high:
+        raise MessageError(f"{name}: got {value}, expected {low} to {high}")
+
+
+# ---------------------------------------------------------------- pictures
+
+_BYTES_PER_PIXEL = {"bgr8": 3, "gray8": 1}
+
+
+class Image(Message, frozen=True, kw_only=True):
+    """One camera picture. On the bus the payload is `data` alone; the other fields travel in the attachment."""
+
+    camera: str
+    """Camera name, as in the vehicle file (`down`)."""
+    width: int
+    """Columns, px."""
+    height: int
+    """Rows, px."""
+    encoding: Literal["bgr8", "gray8", "jpeg"]
+    """Pixel layout of `data`: interleaved rows without padding, or a JPEG file."""
+    data: bytes = b""
+    """The pixels."""
+
+    def check(self) -> None:
+        """Refuse what the field docs rule out."""
+        _check_range("width", self.width, 1, 16384)
+        _check_range("height", self.height, 1, 16384)
+        if self.encoding == "jpeg":
+            if not (self.data[:2] == b"\xff\xd8" and self.data[-2:] == b"\xff\xd9"):
+                raise MessageError(f"data: got {len(self.data)} bytes that are no whole JPEG, expected SOI and EOI")
+            return
+        expected = self.width * self.height * _BYTES_PER_PIXEL[self.encoding]
+        if len(self.data) != expected:
+            raise MessageError(
+                f"data: got {len(self.data)} bytes, expected {expected} for {self.width}x{self.height} "
+                f"{self.encoding} (a truncated frame?)"
+            )
+
+
+class CameraInfo(Message, frozen=True, kw_only=True):
+    """Calibration of a camera, sent with its pictures so that the ground needs no copy of the vehicle file."""
+
+    camera: str
+    """Camera name."""
+    width: int
+    """Columns, px."""
+    height: int
+    """Rows, px."""
+    fx_px: float
+    """Focal length along columns, px."""
+    fy_px: float
+    """Focal length along rows, px."""
+    cx_px: float
+    """Principal point, column, px."""
+    cy_px: float
+    """Principal point, row, px."""
+    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    """Brown-Conrady k1, k2, p1, p2, k3 (OpenCV order)."""
+    body_q_camera: Quat
+    """Turns a camera optical vector (x right, y down, z forward) into the body frame (FRD)."""
+    body_p_camera_m: Vec3
+    """Position of the camera in the body frame (FRD), m."""
+    exposure_delay_ms: float = 0.0
+    """How long before its stamp the picture was exposed, ms."""
+    rate_hz: float
+    """Nominal picture rate, Hz."""
+
+    def check(self) -> None:
+        """Refuse what the field docs rule out."""
+        super().check()
+        _check_quaternion("body_q_camera", self.body_q_camera)
+        for name in ("fx_px", "fy_px"):
+            _check_range(name, getattr(self, name), 1.0, 1e5)
+
+
+# ---------------------------------------------------------------- the vehicle
+
+
+class VehicleState(Message, frozen=True, kw_only=True):
+    """The autopilot's estimate, published by helm; the header's `capture_ns` is its time on the vehicle clock."""
+
+    ned_p_m: Vec3
+    """Position from home, NED, m."""
+    ned_v_m_s: Vec3
+    """Velocity, NED, m/s."""
+    ned_q_body: Quat
+    """Attitude."""
+    body_rates_rad_s: Vec3
+    """Angular velocity in the body frame (FRD), rad/s."""
+    armed: bool
+    """Motors armed."""
+    in_air: bool
+    """The autopilot reports flight."""
+    mode: str
+    """The autopilot's flight mode (`OFFBOARD`, `HOLD`, `LAND`, …)."""
+    battery_fraction: float
+    """Remaining charge, 0 to 1; -1 when unknown."""
+
+    def check(self) -> None:
+        """Refuse what the field docs rule out."""
+        super().check()
+        _check_quaternion("ned_q_body", self.ned_q_body)
+
+
+class Setpoint(Message, frozen=True, kw_only=True):
+    """What helm sent to the autopilot in this control cycle; its header lists what it was computed from."""
+
+    source: str
+    """Whose request it is: `pursuit`, `operator`, or `helm` for hover, return and containment."""
+    asked_ned_v_m_s: Vec3
+    """Velocity that won the arbitration, NED, m/s."""
+    ned_v_m_s: Vec3
+    """Velocity after limiter and containment, as sent, NED, m/s."""
+    height_m: float
+    """Height above home that is held, m."""
+    yaw_rad: float
+    """Heading that is held, rad from north, clockwise."""
+
+
+class PreflightItem(Message, frozen=True, kw_only=True):
+    """One line of the gate that is checked before arming."""
+
+    name: str
+    """What is checked."""
+    ok: bool
+    """Whether it lets the vehicle fly."""
+    detail: str
+    """What was found, what was expected, what to do."""
+
+
+class HelmStatus(Message, frozen=True, kw_only=True):
+    """State of helm: who commands, why, and what stands in the way."""
+
+    state: str
+    """State of the machine in `onboard.helm.states`."""
+    source: str
+    """Source of the setpoint in force (`pursuit`, `operator`, `helm`), empty when helm sends none."""
+    reason: str
+    """Why it is in this state, in one sentence."""
+    streaming: bool
+    """Whether setpoints go to the autopilot."""
+    mode: str
+    """The autopilot's flight mode."""
+    armed: bool
+    """Motors armed."""
+    in_air: bool
+    """In flight."""
+    limiter_zone: str
+    """`safe`, `warning`, `transition` or `collision`; `blind` without obstacle data."""
+    limiter_distance_m: float
+    """Distance of the nearest obstacle, m; -1 when there is none."""
+    request_age_ms: float
+    """Age of the request in force, ms; -1 when there is none."""
+    preflight: tuple[PreflightItem, ...] = ()
+    """The gate, item by item."""
+    counters: dict[str, int] = {}
+    """Events since the start: setpoints, stale requests, refusals by reason, yields, takeoff retries, …"""
+
+
+class Request(Message, frozen=True, kw_only=True):
+    """A wish for motion from a task or the operator; helm obeys it while it is fresh, finite and within limits."""
+
+    kind: Literal["velocity"] = "velocity"
+    """Domain of `vector`."""
+    frame: Literal["ned", "heading"]
+    """`ned`, or `heading`: x along the vehicle's heading, y to its right, z down."""
+    vector: Vec3
+    """Velocity, m/s. The vertical part moves the held height."""
+    yaw_rate_rad_s: float = 0.0
+    """Heading rate, clockwise seen from above, rad/s."""
+    valid_ms: float = 300.0
+    """How long after its basis the request may be obeyed, ms; helm's own limit applies as well."""
+
+    def check(self) -> None:
+        """Refuse what the field docs rule out."""
+        super().check()
+        _check_range("valid_ms", self.valid_ms, 0.0, 10_000.0)
+
+
+class Obstacle(Message, frozen=True, kw_only=True):
+    """An obstacle near the vehicle."""
+
+    distance_m: float
+    """Distance from the vehicle's centre to the nearest point, m."""
+    ned_direction: Vec3
+    """Unit vector from the vehicle to that point, NED."""
+    ned_v_m_s: Vec3 = (0.0, 0.0, 0.0)
+    """Velocity of the obstacle, NED, m/s."""
+
+    def check(self) -> None:
+        """Refuse what the field docs rule out."""
+        super().check()
+        _check_range("distance_m", self.distance_m, 0.0, 1e4)
+        norm = math.sqrt(sum(c * c for c in self.ned_direction))
+        if abs(norm - 1.0) > 1e-2:
+            raise MessageError(f"ned_direction: got norm {norm:.4f}, expected a unit vector")
+
+
+class Obstacles(Message, frozen=True, kw_only=True):
+    """All obstacles that a source sees at its capture time; an empty list says that the view is free."""
+
+    obstacles: tuple[Obstacle, ...]
+    """The obstacles, in no order."""
+
+
+# ---------------------------------------------------------------- the chase
+
+
+class Track(Message, frozen=True, kw_only=True):
+    """Estimate of the target in the picture named by the header's `capture_ns`."""
+
+    state: Literal["idle", "tracking", "lost"]
+    """`lost`: predicted only, by the motion model."""
+    x_px: float = 0.0
+    """Centre, column, px."""
+    y_px: float = 0.0
+    """Centre, row, px."""
+    width_px: float = 0.0
+    """Side of the rotated rectangle along its own x axis, px."""
+    height_px: float = 0.0
+    """Side along its own y axis, px."""
+    angle_rad: float = 0.0
+    """Rotation of the rectangle from the image's x axis towards its y axis, rad."""
+    distance: float = 1.0
+    """Smallest Bhattacharyya distance among the particles, 0 (equal) to 1 (Teulière 2011, eq. 4)."""
+    distance_limit: float = 1.0
+    """Distance above which the target counts as lost."""
+    error: Vec2 = (0.0, 0.0)
+    """Target in the horizontal frame below the vehicle, attitude compensated: (forward, right) as tangents."""
+    error_m: float = 0.0
+    """Horizontal distance to the target at the vehicle's present height, m."""
+    reason: str = ""
+    """Why no request goes out, empty when one does."""
+
+
+# ---------------------------------------------------------------- commands, with replies
+
+
+class Command(Message, frozen=True, kw_only=True):
+    """Argument of a query; which fields count depends on the command (see `common.topics.COMMANDS`)."""
+
+    box_px: tuple[float, float, float, float] | None = None
+    """`pursuit/do/select`: x, y, width, height of the target in the picture, px."""
+    angle_rad: float = 0.0
+    """`pursuit/do/select`: rotation of that box, rad."""
+    capture_ns: int = 0
+    """`pursuit/do/select`: picture that the box was drawn on (0: the newest)."""
+    height_m: float | None = None
+    """`helm/do/takeoff`: height above home, m."""
+    operator: str = ""
+    """Who asks, for the log."""
+
+
+class Reply(Message, frozen=True, kw_only=True):
+    """What became of a command."""
+
+    outcome: Literal["done", "refused", "failed"]
+    """`refused`: nothing was tried, `reason` says why. `failed`: it was tried and did not work."""
+    reason: str = ""
+    """One sentence: what, got, expected, what to do."""
+
+
+# ---------------------------------------------------------------- housekeeping
+
+
+class Health(Message, frozen=True, kw_only=True):
+    """What a node says of itself, once a second."""
+
+    node: str
+    """Node name."""
+    pid: int
+    """Process identifier on its machine."""
+    steps: int
+    """Steps since the start."""
+    step_ms_median: float
+    """Median duration of a step over the last period, ms."""
+    step_ms_max: float
+    """Longest step over the last period, ms."""
+    input_age_ms: dict[str, float]
+    """Age of the newest message of each input, ms; -1 when none has come."""
+    dropped: dict[str, int]
+    """Messages of each input that a newer one replaced before they were read."""
+    rejected: dict[str, int]
+    """Messages refused at the door, by `topic: reason`."""
+    errors: int
+    """Steps that ended in an exception."""
+    last_error: str = ""
+    """The newest exception, one line."""
+    metrics: dict[str, float] = {}
+    """Figures of the node's own: late frames of the world, bytes written by the recorder, …"""
+
+
+class Session(Message, frozen=True, kw_only=True):
+    """Maps the vehicle's monotonic time to UTC for logs."""
+
+    vehicle: str
+    """Vehicle name."""
+    monotonic_ns: int
+    """Vehicle clock, ns."""
+    utc_ns: int
+    """UTC at the same instant, ns since 1970."""
+
+
+# ---------------------------------------------------------------- simulator's truth: for reports only
+
+
+class Truth(Message, frozen=True, kw_only=True):
+    """Ground truth of the simulated world at the header's `capture_ns`. No algorithm may read it."""
+
+    ned_p_m: Vec3
+    """Vehicle position, NED, m."""
+    ned_v_m_s: Vec3
+    """Vehicle velocity, NED, m/s."""
+    ned_q_body: Quat
+    """Vehicle attitude."""
+    target_ned_p_m: Vec3
+    """Centre of the chased car, NED, m."""
+    target_ned_v_m_s: Vec3
+    """Velocity of the car, NED, m/s."""
+    target_heading_rad: float
+    """Heading of the car, rad from north, clockwise."""
+    target_corners_px: tuple[Vec2, ...] = ()
+    """Corners of the car's roof rectangle in the picture, px; empty when it is out of view."""
+    target_visible: bool
+    """Whether most of the car is in view and not occluded."""

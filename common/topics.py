@@ -1,0 +1,154 @@
+"""The one list of streams and commands: type, rate, age, delivery, recording. No key string stands anywhere else.
+
+Nodes name topics (`camera/down/jpeg`); the bus turns them into keys (`outrider/<vehicle>/camera/down/jpeg`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import Literal
+
+from common import messages as m
+
+Delivery = Literal["latest", "queue"]
+Priority = Literal["real_time", "interactive_high", "data", "data_low", "background"]
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One stream of the bus."""
+
+    name: str
+    """Name after the vehicle segment."""
+    type: type[m.Message]
+    """Message type."""
+    rate_hz: float
+    """Nominal rate, Hz; 0 for events."""
+    max_age_ms: float
+    """A reader ignores the newest message when it is older than this, ms after receipt."""
+    delivery: Delivery = "latest"
+    """`latest`: a ring of one, a slow reader skips. `queue`: up to 256 in order, the oldest dropped and counted."""
+    priority: Priority = "data"
+    """Zenoh priority."""
+    reliable: bool = True
+    """Reliable transport; congestion drops rather than blocks: a stalled reader must not stall the vehicle."""
+    recorded: bool = True
+    """Whether the recorder keeps it."""
+    crosses_link: bool = True
+    """Whether it may leave the vehicle's side."""
+    doc: str = ""
+    """One line for `outrider topics`."""
+
+
+_TOPICS = (
+    Topic(
+        "sim/camera/down",
+        m.Image,
+        20,
+        500,
+        priority="data_low",
+        reliable=False,
+        recorded=False,
+        crosses_link=False,
+        doc="the simulated camera's picture, before the camera node",
+    ),
+    Topic(
+        "camera/down/raw",
+        m.Image,
+        20,
+        500,
+        priority="data_low",
+        reliable=False,
+        recorded=False,
+        crosses_link=False,
+        doc="picture for readers on board",
+    ),
+    Topic(
+        "camera/down/jpeg",
+        m.Image,
+        20,
+        500,
+        priority="data_low",
+        reliable=False,
+        doc="picture for the ground, compressed",
+    ),
+    Topic("camera/down/info", m.CameraInfo, 1, 5000, doc="calibration of the camera"),
+    Topic(
+        "helm/state",
+        m.VehicleState,
+        50,
+        500,
+        delivery="queue",
+        priority="interactive_high",
+        reliable=False,
+        doc="the autopilot's estimate, mapped to the vehicle clock",
+    ),
+    Topic("helm/status", m.HelmStatus, 5, 1500, priority="interactive_high", doc="who commands the vehicle, and why"),
+    Topic("helm/setpoint", m.Setpoint, 20, 500, delivery="queue", doc="each setpoint that went to the autopilot"),
+    Topic("helm/request/operator", m.Request, 20, 300, priority="real_time", doc="motion asked by the operator"),
+    Topic("helm/request/pursuit", m.Request, 20, 300, priority="real_time", doc="motion asked by the chase"),
+    Topic("obstacles/near", m.Obstacles, 10, 500, priority="interactive_high", doc="obstacles for the limiter"),
+    Topic("pursuit/track", m.Track, 20, 500, priority="interactive_high", doc="the chased target in the picture"),
+    Topic("session", m.Session, 1, 5000, doc="vehicle clock against UTC"),
+    Topic("truth", m.Truth, 20, 500, delivery="queue", doc="the simulator's ground truth; no algorithm reads it"),
+)
+
+_HEALTH_DOC = "what each node says of itself"
+
+
+@dataclass(frozen=True)
+class CommandSpec:
+    """One command: a query to the node that answers it."""
+
+    name: str
+    """Key after the vehicle segment."""
+    timeout_s: float
+    """How long a client waits for the reply, s."""
+    doc: str
+    """One line for help texts."""
+
+
+COMMANDS: dict[str, CommandSpec] = {
+    c.name: c
+    for c in (
+        CommandSpec("helm/do/arm", 10, "arm the motors (the preflight gate must be open)"),
+        CommandSpec("helm/do/disarm", 5, "stop the motors, on the ground only"),
+        CommandSpec("helm/do/takeoff", 45, "arm if needed, take off and verify the climb; ends in hold"),
+        CommandSpec("helm/do/hold", 5, "hover here and end any task"),
+        CommandSpec("helm/do/land", 5, "land here"),
+        CommandSpec("helm/do/return", 5, "fly home under the limiter and land"),
+        CommandSpec("helm/do/engage", 5, "take the stick again after helm yielded or restarted; hovers"),
+        CommandSpec("helm/do/chase", 5, "obey the pursuit"),
+        CommandSpec("pursuit/do/select", 5, "choose the target by a box in the picture"),
+        CommandSpec("pursuit/do/stop", 5, "forget the target"),
+    )
+}
+
+TOPICS: dict[str, Topic] = {t.name: t for t in _TOPICS}
+
+
+def health_topic(node: str) -> Topic:
+    """Topic on which the node of this name publishes its health."""
+    return Topic(f"health/{node}", m.Health, 1, 3000, priority="background", doc=_HEALTH_DOC)
+
+
+def topic(name: str) -> Topic:
+    """Topic of this name.
+
+    Raises:
+        KeyError: unknown name; the text suggests the nearest one.
+    """
+    if name.startswith("health/"):
+        return health_topic(name.removeprefix("health/"))
+    try:
+        return TOPICS[name]
+    except KeyError:
+        near = get_close_matches(name, TOPICS, n=1)
+        hint = f"; did you mean {near[0]!r}?" if near else f"; expected one of {', '.join(TOPICS)}"
+        raise KeyError(f"unknown topic {name!r}{hint}") from None
+
+
+def key(vehicle: str, name: str) -> str:
+    """Zenoh key expression of a stream, command or liveliness token of a vehicle."""
+    return f"outrider/{vehicle}/{name}"

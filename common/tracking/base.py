@@ -1,0 +1,119 @@
+"""What every single-object tracker is and returns, and the checks on what it is given."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import cv2
+import numpy as np
+
+Box = tuple[float, float, float, float]
+"""Upright rectangle before its rotation about its own centre: x, y of the corner, width, height, px."""
+
+TrackState = Literal["tracking", "predicted", "lost"]
+
+
+@dataclass(frozen=True)
+class TrackResult:
+    """Where the target is in one picture: a rotated rectangle, how well it fits, and whether it was seen at all."""
+
+    center_px: tuple[float, float]
+    """Centre (column, row), px; may lie outside the picture."""
+    size_px: tuple[float, float]
+    """Sides along the rectangle's own x and y axes, px."""
+    angle_rad: float
+    """Rotation of those axes from the image's x axis towards its y axis, rad, in (-pi, pi]."""
+    score: float
+    """Fit of the best hypothesis, 0 to 1 (1: equal to the reference)."""
+    score_limit: float
+    """Fit below which the target counts as not seen, 0 to 1."""
+    state: TrackState
+    """`tracking`: seen. `predicted`: not seen for a short time, the motion model alone. `lost`: not seen for long."""
+    angle_std_rad: float
+    """Circular standard deviation of the angle, rad; large when the picture does not tell the orientation."""
+    repeated: bool = False
+    """The picture equals the one before: it says nothing about now, and every other field is unchanged."""
+
+    def corners_px(self) -> np.ndarray:
+        """Corners of the rectangle in the picture, (4, 2) px, in order around it."""
+        half = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * np.array(self.size_px) / 2
+        cosine, sine = math.cos(self.angle_rad), math.sin(self.angle_rad)
+        return np.array(self.center_px) + half @ np.array([[cosine, sine], [-sine, cosine]])
+
+    def overlap(self, box: Box) -> float:
+        """Area of the intersection with an upright box over the area of the union (Jaccard), 0 to 1."""
+        mine = (self.center_px, self.size_px, math.degrees(self.angle_rad))
+        other = ((box[0] + box[2] / 2, box[1] + box[3] / 2), (box[2], box[3]), 0.0)
+        _, polygon = cv2.rotatedRectangleIntersection(mine, other)
+        if polygon is None or len(polygon) < 3:
+            return 0.0
+        shared = float(cv2.contourArea(cv2.convexHull(polygon)))
+        return shared / (self.size_px[0] * self.size_px[1] + box[2] * box[3] - shared)
+
+
+class Tracker(Protocol):
+    """A single-object tracker: told once what the target looks like, then asked picture by picture where it is."""
+
+    def init(self, frame: np.ndarray, box: Box, angle_rad: float = 0.0, t_ns: int | None = None) -> None:
+        """Learn the target and start on it.
+
+        Args:
+            frame: picture, (H, W, 3) uint8 BGR.
+            box: the target's rectangle before its rotation, px.
+            angle_rad: rotation about the box's centre, from the image's x axis towards its y axis, rad.
+            t_ns: capture stamp of the picture, ns; without it the first update counts as the same instant.
+
+        Raises:
+            ValueError: no colour picture, or a box that is degenerate or not in the picture.
+        """
+        ...
+
+    def update(self, frame: np.ndarray, t_ns: int) -> TrackResult:
+        """Where the target is in the next picture.
+
+        Args:
+            frame: picture of the same size as at the start, (H, W, 3) uint8 BGR.
+            t_ns: its capture stamp, ns, not before the previous one.
+
+        Raises:
+            ValueError: another size or type of picture, a stamp that goes back, or a tracker that was not started.
+        """
+        ...
+
+
+def check_frame(frame: np.ndarray, shape: tuple[int, ...] | None = None) -> None:
+    """Raise ValueError unless this is a colour picture, of the given shape (H, W, 3) when there is one."""
+    if not isinstance(frame, np.ndarray) or frame.ndim != 3 or frame.shape[2] != 3 or frame.dtype != np.uint8:
+        got = f"{frame.dtype} {frame.shape}" if isinstance(frame, np.ndarray) else type(frame).__name__
+        raise ValueError(f"frame: got {got}, expected a BGR picture (H, W, 3) uint8")
+    if frame.shape[0] < 1 or frame.shape[1] < 1:
+        raise ValueError(f"frame: got an empty picture {frame.shape}, expected at least one pixel")
+    if shape is not None and frame.shape != shape:
+        raise ValueError(
+            f"frame: got {frame.shape[1]}x{frame.shape[0]} px, expected {shape[1]}x{shape[0]} px as at the start; "
+            "select the target again when the camera's size changes"
+        )
+
+
+MIN_SIDE_PX = 6.0
+"""Shortest side of a target, px: below it a part of the rectangle holds no more than a pixel or two."""
+
+
+def check_box(frame: np.ndarray, box: Box, angle_rad: float) -> None:
+    """Raise ValueError unless the box has an area, a finite angle, and lies with most of its area in the picture."""
+    if len(box) != 4 or not all(math.isfinite(v) for v in (*box, angle_rad)):
+        raise ValueError(f"box: got {box} at {angle_rad} rad, expected finite x, y, width, height and angle")
+    x, y, width, height = box
+    if width < MIN_SIDE_PX or height < MIN_SIDE_PX:
+        raise ValueError(
+            f"box: got {width:g}x{height:g} px, expected sides of at least {MIN_SIDE_PX:g} px; draw a larger box"
+        )
+    rows, columns = frame.shape[:2]
+    inside = max(0.0, min(x + width, columns) - max(x, 0.0)) * max(0.0, min(y + height, rows) - max(y, 0.0))
+    if inside < 0.5 * width * height or width > columns or height > rows:
+        raise ValueError(
+            f"box: got x {x:g}, y {y:g}, {width:g}x{height:g} px, "
+            f"expected most of it in the {columns}x{rows} px picture"
+        )

@@ -1,0 +1,52 @@
+"""Settings of the operator console (`[console]` of the ground station's file)."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+
+from common.config import ConfigError, Fraction, NonNegative, Port, Positive, Section
+
+
+class ConsoleConfig(Section, frozen=True, kw_only=True):
+    """Where the console listens, what it shows and when it warns."""
+
+    host: str = "127.0.0.1"
+    """Address on which the page is served. Whoever reaches it can fly the vehicle: there is no password."""
+    port: Port = 8080
+    """TCP port of the page."""
+    picture_rate_hz: Annotated[float, msgspec.Meta(gt=0, le=15)] = 15.0
+    """Pictures a second that go to each browser, Hz, up to 15."""
+    jpeg_quality: Annotated[int, msgspec.Meta(ge=10, le=95)] = 75
+    """Quality of the pictures that go to the browser, 10 to 95."""
+    picture_age_alarm_ms: Positive = 1000.0
+    """Age of the newest picture above which the operator is alarmed, ms. It is marked as old well before."""
+    takeoff_height_m: Annotated[float, msgspec.Meta(ge=1, le=30)] = 5.0
+    """Height that the page offers for the take-off, m above home, 1 to 30; helm has limits of its own."""
+    battery_low_fraction: Fraction = 0.3
+    """Remaining charge below which the operator is told to return, 0 to 1."""
+    battery_empty_fraction: Fraction = 0.15
+    """Remaining charge below which the operator is told to land, 0 to 1."""
+    history_s: Positive = 30.0
+    """Time span of the error plot, s."""
+    trail_s: NonNegative = 120.0
+    """Time span of the flown path in the 3-D view, s."""
+    nodes: tuple[str, ...] = ("camera", "helm", "pursuit", "recorder", "world")
+    """Nodes whose life and health are shown."""
+    essential_nodes: tuple[str, ...] = ("camera", "helm", "pursuit")
+    """Nodes whose absence is an alarm."""
+
+    def check(self) -> None:
+        """Refuse an empty address, thresholds in the wrong order, and essential nodes that are not shown."""
+        if not self.host.strip():
+            raise ConfigError("host: got an empty address, expected one such as 127.0.0.1")
+        if self.battery_empty_fraction > self.battery_low_fraction:
+            raise ConfigError(f"battery_empty_fraction: got {self.battery_empty_fraction}, expected at most "
+                              f"battery_low_fraction = {self.battery_low_fraction}")
+        for name in self.nodes:
+            if not name or "/" in name:
+                raise ConfigError(f"nodes: got {name!r}, expected names without '/'")
+        unknown = [name for name in self.essential_nodes if name not in self.nodes]
+        if unknown:
+            raise ConfigError(f"essential_nodes: got {unknown[0]!r}, expected some of nodes = {', '.join(self.nodes)}")

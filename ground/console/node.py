@@ -1,0 +1,104 @@
+"""The operator console as a node: gathers what comes from the bus, serves a web page, gives the operator's commands."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+
+import viser
+
+from common.config import Config
+from common.node import Inputs, Node, On, Output
+from common.session import BusConfig
+from ground.console.commands import SELECT, Commander
+from ground.console.config import ConsoleConfig
+from ground.console.page import Page
+from ground.console.pictures import PictureBoard
+from ground.console.plot import ErrorHistory
+from ground.console.scene import SceneView
+from ground.console.server import open_server
+from ground.console.snapshot import PICTURE, TRACK, Collector, Snapshot
+from ground.console.watch import LifeWatch
+
+_RATE_WINDOW_NS = 3_000_000_000
+
+
+class ConsoleNode(Node):
+    """Web page for the operator; everything it can do, the command line can do too.
+
+    Args:
+        config: sections `console` and `bus` (the vehicle's name).
+        name: node name.
+
+    Raises:
+        ConfigError: the address cannot be used or the port is taken.
+    """
+
+    trigger = On((PICTURE, TRACK), at_least_every_s=0.1)
+
+    def __init__(self, config: Config, name: str):
+        super().__init__(config, name)
+        settings = config.section(ConsoleConfig)
+        self._collector = Collector(settings.nodes)
+        self.inputs = self._collector.inputs
+        self._history = ErrorHistory(settings.history_s)
+        self._arrivals_ns: deque[int] = deque()
+        self._snapshot: Snapshot | None = None
+        self._server = open_server(settings, f"Outrider · {config.section(BusConfig).vehicle}")
+        self._commander = Commander(lambda command, argument: self.query(command, argument))
+        self._page = Page(self._server, settings, self._commander)
+        self._scene = SceneView(self._server, settings)
+        self._board = PictureBoard(
+            settings, on_box=lambda client, command: self._page.notify(client, SELECT, command),
+            on_refusal=lambda client, reason: self._page.refuse(client, SELECT, reason))
+        self._watch = LifeWatch(lambda: self.alive(), wanted=lambda: bool(self._board.viewers))
+        self._server.on_client_connect(self._welcome)
+        self._server.on_client_disconnect(self._board.remove)
+        self._watch.start()
+
+    def step(self, inputs: Inputs, t_ns: int) -> Iterable[Output]:
+        """Take over what is new; draw what is due, for those who look."""
+        self._collector.collect(inputs)
+        self._count_pictures(t_ns)
+        view = self._collector.snapshot(inputs, t_ns, self._watch.alive)
+        self._snapshot = view
+        self._history.add(view)
+        self._scene.note(view, self._collector)
+        viewers = self._board.viewers
+        if viewers:
+            self._board.update(self._collector.pictures, view)
+            self._page.update(view, self._history, len(self._arrivals_ns) / (_RATE_WINDOW_NS / 1e9))
+            if not all(viewer.shows_picture for viewer in viewers):
+                self._scene.update(view, self._collector)
+        return ()
+
+    def metrics(self) -> dict[str, float]:
+        """Browsers, and pictures sent to them."""
+        return {"browsers": float(len(self._board.viewers)), "pictures_sent": float(self._board.sent)}
+
+    def close(self) -> None:
+        """End the page."""
+        self._watch.close()
+        self._server.stop()
+
+    def _count_pictures(self, t_ns: int) -> None:
+        newest = self._collector.pictures[-1].received_ns if self._collector.pictures else None
+        if newest is not None and (not self._arrivals_ns or newest > self._arrivals_ns[-1]):
+            self._arrivals_ns.append(newest)
+        while self._arrivals_ns and self._arrivals_ns[0] < t_ns - _RATE_WINDOW_NS:
+            self._arrivals_ns.popleft()
+
+    def _welcome(self, client: viser.ClientHandle) -> None:
+        viewer = self._board.add(client)
+        button = self._page.add_view_button(client)
+
+        @button.on_click
+        def _(_: viser.GuiEvent) -> None:
+            if viewer.shows_picture:
+                self._board.show_scene(viewer)
+                self._scene.look_from_behind(client, self._snapshot)
+                button.label, button.icon = "Show picture", viser.Icon.PHOTO
+            else:
+                self._board.show_picture(viewer)
+                button.label, button.icon = "Show 3-D view", viser.Icon.CUBE
+

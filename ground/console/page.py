@@ -1,0 +1,203 @@
+"""The page: one panel at the right with alarms, flight state, buttons and details; the picture fills the rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import viser
+
+from common.messages import Command
+from ground.console.alarms import Alarm, alarms
+from ground.console.cards import (
+    alarms_html,
+    checks_html,
+    flight_html,
+    headline_html,
+    last_html,
+    log_html,
+    nodes_html,
+    target_html,
+)
+from ground.console.commands import (
+    BUTTONS,
+    ENGAGE,
+    HOLD,
+    START_CHASE,
+    TAKE_OFF,
+    Action,
+    Commander,
+    LastCommand,
+    by_operator,
+)
+from ground.console.config import ConsoleConfig
+from ground.console.plot import ErrorHistory, ErrorPlot
+from ground.console.snapshot import STATUS, Snapshot
+from ground.console.style import style_html
+
+_WIDTH_PX = 330
+_PERIOD_NS = 250_000_000
+_SLOW_PERIOD_NS = 1_000_000_000
+_PLAIN = (58, 66, 77)
+_HOLD_COLOUR = (201, 108, 0)
+_NEXT_COLOUR = (31, 122, 68)
+_TAKEN_COLOUR = (176, 96, 0)
+_NOTE_COLOUR: dict[str, Literal["blue", "green", "orange", "red"]] = {
+    "running": "blue", "done": "green", "refused": "orange", "failed": "red",
+}
+_NOTE_S = {"done": 3.0, "refused": 8.0, "failed": 12.0}
+
+
+def next_actions(view: Snapshot) -> set[str]:
+    """Labels of the buttons that lead on from here, to be shown in colour."""
+    status = view.status
+    if status is None or not view.fresh(STATUS):
+        return set()
+    if status.state == "yielded":
+        return {ENGAGE.label}
+    if status.state == "standby" and all(item.ok for item in status.preflight):
+        return {TAKE_OFF.label}
+    if status.state == "hold" and view.track is not None and view.track.state == "tracking":
+        return {START_CHASE.label}
+    return set()
+
+
+@dataclass
+class Texts:
+    """The HTML elements of the panel."""
+
+    headline: viser.GuiHtmlHandle
+    alarms: viser.GuiHtmlHandle
+    flight: viser.GuiHtmlHandle
+    last: viser.GuiHtmlHandle
+    target: viser.GuiHtmlHandle
+    checks: viser.GuiHtmlHandle
+    nodes: viser.GuiHtmlHandle
+    log: viser.GuiHtmlHandle
+    watchdog: viser.GuiHtmlHandle
+
+
+class Page:
+    """Builds the panel and keeps it up to date.
+
+    Args:
+        server: the web server.
+        config: heights, nodes, spans.
+        commander: runs the commands.
+    """
+
+    def __init__(self, server: viser.ViserServer, config: ConsoleConfig, commander: Commander):
+        self._config = config
+        self._commander = commander
+        self._server = server
+        self._due_ns = 0
+        self._slow_due_ns = 0
+        self._beat = 0
+        gui = server.gui
+        gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=(74, 168, 255))
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(_WIDTH_PX)
+        style = gui.add_html("")
+        waiting = [Alarm("warning", "Waiting for the router", "Start the ground side: `outrider ground`.")]
+        headline, alarm_text = gui.add_html(headline_html(waiting)), gui.add_html(alarms_html(waiting))
+        flight_text = gui.add_html("")
+        self._view_slot = gui.add_folder(None)
+        buttons = gui.add_folder(None)
+        with buttons:
+            self._buttons = {action.label: self._add_button(gui, action) for action in BUTTONS}
+        self._height = gui.add_slider("Take-off height, m", min=1.0, max=30.0, step=0.5,
+                                      initial_value=config.takeoff_height_m)
+        last_text = gui.add_html(last_html(None, 0))
+        tabs = gui.add_tab_group()
+        with tabs.add_tab("Target"):
+            target_text = gui.add_html("")
+            self._plot = ErrorPlot(gui, config.history_s)
+        with tabs.add_tab("Checks"):
+            checks_text = gui.add_html("")
+        with tabs.add_tab("Nodes"):
+            nodes_text = gui.add_html("")
+        with tabs.add_tab("Log"):
+            log_text = gui.add_html("")
+        self._texts = Texts(headline, alarm_text, flight_text, last_text, target_text, checks_text, nodes_text,
+                            log_text, watchdog=gui.add_html(""))
+        style.content = style_html({self._buttons[a.label]._impl.uuid: a.look for a in BUTTONS}, _WIDTH_PX)
+
+    def add_view_button(self, client: viser.ClientHandle) -> viser.GuiButtonHandle:
+        """A button of one browser's own, to switch between picture and 3-D view."""
+        with self._view_slot:
+            return client.gui.add_button("Show 3-D view", icon=viser.Icon.CUBE, color=_PLAIN)
+
+    def update(self, view: Snapshot, history: ErrorHistory, picture_rate_hz: float) -> None:
+        """Bring texts and button colours up to date, four times a second; what is long, once."""
+        if view.t_ns < self._due_ns:
+            return
+        self._due_ns = view.t_ns + _PERIOD_NS
+        texts, log = self._texts, self._commander.log
+        with self._server.atomic():
+            found = alarms(view, self._config)
+            _put(texts.headline, headline_html(found))
+            _put(texts.alarms, alarms_html(found))
+            _put(texts.flight, flight_html(view))
+            _put(texts.last, last_html(log[0] if log else None, view.t_ns))
+            _put(texts.target, target_html(view, *(history.newest or (None, None))))
+            self._colour_buttons(next_actions(view))
+            self._plot.update(history, view.t_ns)
+            if view.t_ns >= self._slow_due_ns:
+                self._slow_due_ns = view.t_ns + _SLOW_PERIOD_NS
+                _put(texts.checks, checks_html(view))
+                _put(texts.nodes, nodes_html(view, self._config.nodes, picture_rate_hz))
+                _put(texts.log, log_html(log, view.t_ns))
+                # Replaced every second, this element never gets to the end of its animation; when the console dies,
+                # it does, and says so over a picture that would otherwise look alive.
+                self._beat += 1
+                texts.watchdog.content = (f'<div class="or-gone" data-beat="{self._beat}">NO CONNECTION TO THE CONSOLE'
+                                          f': what you see is old</div>')
+
+    def notify(self, client: viser.ClientHandle, action: Action, argument: Command) -> None:
+        """Give an action's commands for a browser, which is told when they go out and how they end."""
+        note: list[viser.NotificationHandle] = []
+
+        def report(entry: LastCommand) -> None:
+            if entry.outcome == "running":
+                note.append(client.add_notification(entry.label, "waiting for the reply …", loading=True,
+                                                    with_close_button=False, color="blue"))
+                return
+            for waiting in note:
+                waiting.remove()
+            client.add_notification(f"{entry.label}: {entry.outcome}", entry.reason, color=_NOTE_COLOUR[entry.outcome],
+                                    auto_close_seconds=_NOTE_S[entry.outcome])
+
+        if not self._commander.start(action, by_operator(argument, client.client_id), report):
+            client.add_notification(action.label, "still waiting for the reply to the first press", color="orange",
+                                    auto_close_seconds=3.0)
+
+    def refuse(self, client: viser.ClientHandle, action: Action, reason: str) -> None:
+        """Tell a browser that the console itself refuses an action."""
+        self._commander.refuse(action, reason, lambda entry: client.add_notification(
+            f"{entry.label}: refused", entry.reason, color="orange", auto_close_seconds=_NOTE_S["refused"]) and None)
+
+    def _add_button(self, gui: viser.GuiApi, action: Action) -> viser.GuiButtonHandle:
+        button = gui.add_button(action.label, icon=action.icon, color=_HOLD_COLOUR if action is HOLD else _PLAIN)
+
+        @button.on_click
+        def _(event: viser.GuiEvent) -> None:
+            if event.client is None:
+                return
+            argument = Command(height_m=float(self._height.value)) if action is TAKE_OFF else Command()
+            self.notify(event.client, action, argument)
+
+        return button
+
+    def _colour_buttons(self, leading: set[str]) -> None:
+        for label, button in self._buttons.items():
+            if label == HOLD.label:
+                continue
+            colour = _PLAIN if label not in leading else (_TAKEN_COLOUR if label == ENGAGE.label else _NEXT_COLOUR)
+            if button.color != colour:
+                button.color = colour
+
+
+def _put(element: viser.GuiHtmlHandle, content: str) -> None:
+    if element.content != content:
+        element.content = content
+

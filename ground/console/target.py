@@ -1,0 +1,35 @@
+"""Where the target stands on the ground, from its place in the picture."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from common.geometry.camera import Camera, horizontal_tangents
+from common.geometry.rotation import Array, quat_rotate
+from common.messages import Track, VehicleState
+
+
+def camera_position_m(camera: Camera, state: VehicleState) -> Array:
+    """Position (3,) of the camera, NED, m."""
+    return np.asarray(state.ned_p_m) + quat_rotate(state.ned_q_body, camera.body_p_camera_m)
+
+
+def ground_point_m(track: Track, camera: Camera, state: VehicleState) -> Array | None:
+    """Point (3,), NED, m, at which the ray through the target's centre meets level ground at home's height.
+
+    Args:
+        track: the target in the picture.
+        camera: calibration of that camera.
+        state: of the vehicle at the picture's capture time.
+
+    Returns:
+        None for an idle track, a camera on or below that ground, and a ray that does not point down.
+    """
+    eye = camera_position_m(camera, state)
+    height_m = -float(eye[2])
+    if track.state == "idle" or height_m <= 0.0:
+        return None
+    tangents = horizontal_tangents(camera.rays([[track.x_px, track.y_px]]), camera.body_q_camera, state.ned_q_body)[0]
+    if not np.isfinite(tangents).all():
+        return None
+    return np.array([eye[0] + height_m * tangents[0], eye[1] + height_m * tangents[1], 0.0])

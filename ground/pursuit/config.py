@@ -1,0 +1,50 @@
+"""Settings of the pursuit (`[pursuit]`)."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+
+from common.config import NonNegative, Positive, Section
+
+
+class PursuitConfig(Section, frozen=True, kw_only=True):
+    """The chase law (Teulière 2011, section III), in its velocity form."""
+
+    position_gain_1_s: Positive = 0.9
+    """Outer loop: asked closing speed per metre of error, 1/s (Kp of eq. 9)."""
+    velocity_gain: NonNegative = 0.45
+    """Inner loop: share of the relative velocity's error that is added to the command (its P part)."""
+    integral_gain_1_s: NonNegative = 0.15
+    """Inner loop: its I part, 1/s."""
+    integral_limit_m_s: NonNegative = 0.4
+    """Most that the I part may add, m/s."""
+    lead_s: NonNegative = 0.15
+    """How far ahead of the picture the target is aimed at, s: the loop's own delay."""
+    speed_m_s: Positive = 2.5
+    """Largest speed that is asked for, m/s."""
+    acceleration_m_s2: Positive = 2.0
+    """Largest change of the asked velocity, m/s²."""
+    acceleration_min_m_s2: Positive = 0.7
+    """Change of the asked velocity towards the target that is allowed even with it at the picture's edge, m/s²."""
+    view_margin_rad: NonNegative = 0.14
+    """Distance from the edge of the picture at which the target's centre is kept, rad: half a target and some."""
+    coast_s: Annotated[float, msgspec.Meta(ge=0, le=3)] = 2.0
+    """How long an unseen target is flown after on its last velocity, s; then the vehicle stands."""
+    yaw_gain_1_s: NonNegative = 0.8
+    """Heading rate per radian between target and vehicle, 1/s (eq. 10); 0 leaves the heading alone."""
+    yaw_rate_rad_s: Positive = 0.6
+    """Largest heading rate that is asked for, rad/s."""
+    yaw_doubt_rad: Positive = 0.5
+    """With a larger standard deviation of the target's orientation the heading is left alone, rad."""
+    target_height_m: NonNegative = 0.3
+    """Height of the target's visible top above the ground at home, m."""
+    process_m_s2: Positive = 1.5
+    """Target's acceleration that its velocity filter reckons with (white, standard deviation), m/s²."""
+    measurement_m: Positive = 0.06
+    """Standard deviation of the target's measured position, m."""
+    seed: int = 1
+    """Seed of the tracker's randomness."""
+    history_s: Positive = 1.5
+    """How long vehicle states and pictures are kept for looking up a capture time, s."""

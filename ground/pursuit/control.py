@@ -1,0 +1,225 @@
+"""The chase law: from the target in the picture to a velocity and a heading rate (Teulière 2011, section III).
+
+The paper regulates the target's position in the level frame to zero with a hierarchy: a proportional outer loop on the
+position gives the relative velocity (eq. 9), a PI inner loop on that velocity gives an orientation. Here the autopilot
+closes the velocity loop, so the inner loop's output is a velocity:
+
+    e = target - vehicle                                     position error, NED plane, m        (eq. 7, times height)
+    v* = Kp e                                                asked velocity relative to target    (eq. 9)
+    e_v = v* - (v_vehicle - v_target)                        relative velocity error              (eq. 8)
+    v = v_target + v* + Kv e_v + Ki integral(e_v)            command
+
+Signs: the paper writes the error as desired minus actual position *of the target in the picture* (c* - c, with c* = 0)
+and moves the camera, which moves the target the other way: hence its minus in eq. 9. With e from the vehicle to the
+target the gain is positive: the vehicle flies towards what it sees. For the heading (eq. 10) likewise: a target whose
+heading lies clockwise of the vehicle's asks for a clockwise turn.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.geometry.camera import Camera, horizontal_tangents
+from common.geometry.rotation import euler_from_quat, quat_conjugate, quat_rotate, wrap_angle
+from ground.pursuit.config import PursuitConfig
+from ground.pursuit.target import TargetFilter
+
+Array = NDArray[np.float64]
+_NOSE_PX = 20.0
+_GRAVITY_M_S2 = 9.80665
+_LEAST_HEIGHT_M = 0.3
+_LONGEST_STEP_S = 0.2
+
+
+@dataclass(frozen=True)
+class Pose:
+    """The vehicle at a picture's capture time."""
+
+    ned_p_m: Array
+    """Position, NED, m, shape (3,)."""
+    ned_v_m_s: Array
+    """Velocity, NED, m/s, shape (3,)."""
+    ned_q_body: Array
+    """Attitude, (w, x, y, z)."""
+
+
+@dataclass(frozen=True)
+class View:
+    """Where the target is, seen from the vehicle."""
+
+    tangents: Array
+    """North and east tangents of its ray in the level frame, shape (2,); metres per metre of height (eq. 7)."""
+    relative_m: Array
+    """North and east from vehicle to target, m, shape (2,)."""
+    heading_rad: float
+    """Heading of the target: of the rectangle's upper side, rad from north, clockwise."""
+    half_field_rad: float
+    """Angle from the middle of the picture to its nearest edge, rad."""
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What the law asks for."""
+
+    ned_v_m_s: Array
+    """Horizontal velocity, NED, m/s, shape (2,)."""
+    yaw_rate_rad_s: float
+    """Heading rate, clockwise, rad/s."""
+
+
+def look(
+    camera: Camera, pose: Pose, centre_px: tuple[float, float], angle_rad: float, target_height_m: float
+) -> View | None:
+    """Target seen from the vehicle, with the attitude at capture time taken out (Teulière 2011, fig. 8).
+
+    Args:
+        camera: calibration and mounting.
+        pose: vehicle at the picture's capture time.
+        centre_px: target's centre in the picture.
+        angle_rad: rotation of the target's rectangle in the picture; its upper side points where the target heads.
+        target_height_m: height of the target's top above home, m.
+
+    Returns:
+        None when the vehicle is too low, or the ray does not meet the ground.
+    """
+    height_m = -float(pose.ned_p_m[2]) - target_height_m
+    if height_m < _LEAST_HEIGHT_M:
+        return None
+    nose_px = (centre_px[0] + _NOSE_PX * math.sin(angle_rad), centre_px[1] - _NOSE_PX * math.cos(angle_rad))
+    tangents = horizontal_tangents(camera.rays([centre_px, nose_px]), camera.body_q_camera, pose.ned_q_body)
+    if not np.isfinite(tangents).all():
+        return None
+    nose = tangents[1] - tangents[0]
+    return View(tangents[0], tangents[0] * height_m, math.atan2(nose[1], nose[0]), _half_field_rad(camera))
+
+
+def pixel_of(camera: Camera, pose: Pose, ned_m: Array) -> tuple[float, float] | None:
+    """Pixel of a point in NED, m; None when the camera looks away from it. The inverse of `look`."""
+    body = quat_rotate(quat_conjugate(pose.ned_q_body), ned_m - pose.ned_p_m)
+    x, y = camera.project(quat_rotate(quat_conjugate(camera.body_q_camera), body))[0]
+    return (float(x), float(y)) if np.isfinite(x) else None
+
+
+def _off_axis_rad(view: View) -> float:
+    """Angle between straight down and the target, rad."""
+    return math.atan(float(np.linalg.norm(view.tangents)))
+
+
+def _half_field_rad(camera: Camera) -> float:
+    """Angle from the middle of the picture to its nearest edge, rad."""
+    return math.atan(min(camera.height / camera.fy_px, camera.width / camera.fx_px) / 2)
+
+
+class ChaseLaw:
+    """The control law with its memory: target filter, integral, last command.
+
+    Args:
+        config: gains and limits.
+    """
+
+    def __init__(self, config: PursuitConfig):
+        self._config = config
+        self._target = TargetFilter(config.process_m_s2, config.measurement_m)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget target and command."""
+        self._target.reset()
+        self._integral = np.zeros(2)
+        self._command = np.zeros(2)
+        self._towards = np.zeros(2)
+        self._heading_rad = 0.0
+        self._towards_m_s2 = self._config.acceleration_m_s2
+        self._t_ns: int | None = None
+        self._unseen_since_ns: int | None = None
+
+    def follow(self, view: View, pose: Pose, t_ns: int, angle_std_rad: float) -> Wish:
+        """What to fly for a target that was seen in the picture captured at `t_ns`."""
+        self._unseen_since_ns = None
+        self._heading_rad = view.heading_rad
+        self._towards = view.tangents / max(float(np.linalg.norm(view.tangents)), 1e-6)
+        self._towards_m_s2 = self._allowed_acceleration(view)
+        self._target.update(pose.ned_p_m[:2] + view.relative_m, t_ns)
+        return self._steer(pose, t_ns, self._yaw_rate(view, pose, angle_std_rad))
+
+    def expected(self, camera: Camera, pose: Pose, t_ns: int) -> tuple[tuple[float, float], float] | None:
+        """Where a picture captured at `t_ns` should show the target: pixel, and rotation in the picture, rad.
+
+        The target is carried on in the world at its last velocity, the vehicle's motion is known: None before the
+        target was first seen.
+        """
+        target = self._target.predict(t_ns)
+        if target is None:
+            return None
+        pixel = pixel_of(camera, pose, np.array([*target.position_m, -self._config.target_height_m]))
+        if pixel is None:
+            return None
+        return pixel, wrap_angle(self._heading_rad - euler_from_quat(pose.ned_q_body)[2])
+
+    def coast(self, pose: Pose, t_ns: int) -> Wish:
+        """What to fly for a target that was not seen: after its predicted place for `coast_s`, then stand."""
+        if self._unseen_since_ns is None:
+            self._unseen_since_ns = t_ns
+        if (t_ns - self._unseen_since_ns) / 1e9 <= self._config.coast_s:
+            return self._steer(pose, t_ns, 0.0)
+        self._integral[:] = 0.0
+        return Wish(self._limited(np.zeros(2), self._step_s(t_ns)), 0.0)
+
+    def _steer(self, pose: Pose, t_ns: int, yaw_rate_rad_s: float) -> Wish:
+        c = self._config
+        target = self._target.predict(t_ns)
+        if target is None:
+            return Wish(np.zeros(2), 0.0)
+        dt_s = self._step_s(t_ns)
+        vehicle_v = pose.ned_v_m_s[:2]
+        relative_v = target.velocity_m_s - vehicle_v
+        error_m = target.position_m - pose.ned_p_m[:2] + c.lead_s * relative_v  # eq. 7, times height
+        asked_v = c.position_gain_1_s * error_m  # eq. 9
+        error_v = asked_v + relative_v  # eq. 8
+        self._integral = _capped(self._integral + c.integral_gain_1_s * dt_s * error_v, c.integral_limit_m_s)
+        command = target.velocity_m_s + asked_v + c.velocity_gain * error_v + self._integral
+        return Wish(self._limited(command, dt_s), yaw_rate_rad_s)
+
+    def _allowed_acceleration(self, view: View) -> float:
+        """Largest change of velocity towards the target whose tilt keeps it in the picture, m/s².
+
+        A multirotor accelerates towards a target by tilting its camera away from it: at the edge of the picture a
+        hard start loses the target that it is for. The tilt for an acceleration a is atan(a / g).
+        """
+        c = self._config
+        room_rad = view.half_field_rad - c.view_margin_rad - _off_axis_rad(view)
+        return float(np.clip(_GRAVITY_M_S2 * math.tan(room_rad), c.acceleration_min_m_s2, c.acceleration_m_s2))
+
+    def _yaw_rate(self, view: View, pose: Pose, angle_std_rad: float) -> float:
+        c = self._config
+        if angle_std_rad > c.yaw_doubt_rad:
+            return 0.0
+        yaw_rad = euler_from_quat(pose.ned_q_body)[2]
+        # The picture is lower than wide: a turn must not carry a target at its side over its upper edge.
+        calm = max(0.0, 1.0 - _off_axis_rad(view) / max(view.half_field_rad - c.view_margin_rad, 1e-3))
+        rate = calm * c.yaw_gain_1_s * wrap_angle(view.heading_rad - yaw_rad)  # eq. 10
+        return float(np.clip(rate, -c.yaw_rate_rad_s, c.yaw_rate_rad_s))
+
+    def _step_s(self, t_ns: int) -> float:
+        dt_s = 0.0 if self._t_ns is None else min(max(0.0, (t_ns - self._t_ns) / 1e9), _LONGEST_STEP_S)
+        self._t_ns = t_ns
+        return dt_s
+
+    def _limited(self, command: Array, dt_s: float) -> Array:
+        """The command within speed and acceleration, towards the target within what keeps it in view."""
+        step_s = max(dt_s, 0.01)
+        change = _capped(command, self._config.speed_m_s) - self._command
+        excess = float(change @ self._towards) - self._towards_m_s2 * step_s
+        change = _capped(change - max(0.0, excess) * self._towards, self._config.acceleration_m_s2 * step_s)
+        self._command = self._command + change
+        return self._command.copy()
+
+
+def _capped(vector: Array, length: float) -> Array:
+    """The vector, shortened to a length where it is longer."""
+    norm = float(np.linalg.norm(vector))
+    return vector if norm <= length else vector * (length / norm)

@@ -1,0 +1,1 @@
+"""The recorder: everything that passed on the bus, in MCAP files."""

@@ -1,0 +1,182 @@
+"""The helm node: a shell around `Flight`. The one process that commands the autopilot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from common.config import Config
+from common.messages import (
+    CameraInfo,
+    HelmStatus,
+    Message,
+    Obstacles,
+    Request,
+    Track,
+    VehicleState,
+)
+from common.node import CommandCall, Inputs, Node, On, Output
+from common.session import BusConfig
+from onboard.helm.actions import Link
+from onboard.helm.arbiter import Candidate
+from onboard.helm.autopilot_link import AutopilotLink
+from onboard.helm.commands import COMMANDS, obey
+from onboard.helm.config import HelmConfig
+from onboard.helm.flight import Flight
+from onboard.helm.lock import HelmLock, require_free_port
+from onboard.helm.pilot import View
+from onboard.helm.preflight import CameraView, gate
+from onboard.helm.seen import BLIND, Seen, TrackView
+from onboard.helm.telemetry import AttitudeSample, Telemetry
+from onboard.limiter.config import LimiterConfig
+from onboard.limiter.limiter import Limited, limit
+
+_REQUESTS = ("helm/request/operator", "helm/request/pursuit")
+_STATUS_PERIOD_S = 0.2
+_OBSTACLES_MAX_AGE_S = 1.0
+_EXTRAPOLATE_S = 0.2
+
+
+class HelmNode(Node):
+    """Arbitrates requests, limits them, streams setpoints, answers `helm/do/…`, publishes state and status.
+
+    It steps at 50 Hz, so that a state goes out as soon as its attitude has come in, and at once on a request, so that
+    the answer does not wait; setpoints go out for each request (50 Hz at most) and at 25 Hz while nobody is obeyed.
+
+    Args:
+        config: all sections.
+        name: process name.
+        link: the autopilot; by default the one that `helm.autopilot_url` names.
+
+    Raises:
+        HelmTaken: another helm on this machine holds the link.
+        ConfigError: the URL cannot be opened.
+    """
+
+    inputs = (*_REQUESTS, "obstacles/near", "camera/down/info", "pursuit/track")
+    outputs = ("helm/state", "helm/status", "helm/setpoint")
+    commands = COMMANDS
+    trigger = On(_REQUESTS, at_least_every_s=0.02)
+    exclusive = True
+
+    def __init__(self, config: Config, name: str, link: Link | None = None):
+        super().__init__(config, name)
+        self.helm = config.section(HelmConfig)
+        self.limiter = config.section(LimiterConfig)
+        self.flight = Flight(self.helm, self.limiter)
+        self._lock: HelmLock | None = None
+        self._link: Link = self._open() if link is None else link
+        self._telemetry = Telemetry()
+        self._limited: Limited | None = None
+        self._status_ns = 0
+        self._shown: tuple[str, str] = ("", "")
+
+    def _open(self) -> AutopilotLink:
+        url = self.helm.autopilot_url
+        self._lock = HelmLock(url, self.config.section(BusConfig).vehicle)
+        try:
+            if self.helm.udp_port is not None:
+                require_free_port(self.helm.udp_port, url)
+            return AutopilotLink(url)
+        except Exception:
+            self._lock.close()
+            raise
+
+    def step(self, inputs: Inputs, t_ns: int) -> Iterable[Output]:
+        """One control cycle: the setpoint first, then what the bus is told."""
+        self._telemetry = self._link.poll(t_ns)
+        seen = self._look(inputs, t_ns, results=True)
+        flown = self.flight.step(seen, t_ns)
+        outputs: list[Output] = []
+        if flown is not None:
+            ok = self._link.send(flown.local)
+            self.flight.sent(flown, ok, t_ns)
+            self._limited = flown.limited
+            source = self.flight.verdict.source
+            if source in ("operator", "pursuit"):
+                inputs.latest(f"helm/request/{source}", Request)  # names it in the setpoint's provenance
+            if ok:
+                outputs.append(Output("helm/setpoint", flown.message))
+        self._hand_over()
+        outputs.extend(Output("helm/state", vehicle_state(self._telemetry, sample), sample.stamp_ns)
+                       for sample in self._telemetry.attitudes if self._telemetry.position is not None)
+        outputs.extend(self._status(seen, t_ns))
+        return outputs
+
+    def on_command(self, call: CommandCall, inputs: Inputs, t_ns: int) -> Iterable[Output]:
+        """Start a command; the reply comes when it is done, refused or failed."""
+        obey(call, self.flight, self._look(inputs, t_ns, results=False), t_ns)
+        self._hand_over()
+        return ()
+
+    def metrics(self) -> dict[str, float]:
+        """Counts of the link and of the flight."""
+        return {**self._link.metrics(), "setpoints": float(self.flight.machine.counters["setpoints"])}
+
+    def close(self) -> None:
+        """End the link; a vehicle in helm's hands is given to the autopilot's HOLD first."""
+        self.flight.orders.fail_all("helm is stopping")
+        self._link.close(hold=self.flight.streaming(self._telemetry))
+        if self._lock is not None:
+            self._lock.close()
+
+    def _hand_over(self) -> None:
+        for action in self.flight.take_actions():
+            self._link.submit(action)
+
+    def _look(self, inputs: Inputs, t_ns: int, results: bool) -> Seen:
+        obstacles = inputs.latest("obstacles/near", Obstacles)
+        view = BLIND
+        if obstacles is not None and (age_s := (t_ns - obstacles.header.capture_ns) / 1e9) < _OBSTACLES_MAX_AGE_S:
+            view = View(obstacles.message.obstacles, max(age_s, 0.0))
+        track = inputs.peek("pursuit/track", Track)
+        info = inputs.peek("camera/down/info", CameraInfo)
+        return Seen(
+            telemetry=self._telemetry, results=tuple(self._link.results()) if results else (),
+            operator=_candidate(inputs, "operator"), pursuit=_candidate(inputs, "pursuit"), view=view,
+            track=None if track is None else TrackView(track.message.state == "tracking",
+                                                       (t_ns - track.received_ns) / 1e9),
+            camera=None if info is None else CameraView((t_ns - info.header.capture_ns) / 1e9, info.message.rate_hz))
+
+    def _status(self, seen: Seen, t_ns: int) -> Iterable[Output]:
+        """The status, five times a second and at every change."""
+        machine, telemetry = self.flight.machine, self._telemetry
+        shown = (machine.state, telemetry.mode)
+        if shown == self._shown and (t_ns - self._status_ns) / 1e9 < _STATUS_PERIOD_S:
+            return ()
+        self._shown, self._status_ns = shown, t_ns
+        streaming = self.flight.streaming(telemetry)
+        limited = self._limited if streaming and self._limited else limit((0.0, 0.0, 0.0), seen.view.obstacles,
+                                                                        self.limiter)
+        status: Message = HelmStatus(
+            state=machine.state.value, source=self.flight.verdict.source if streaming else "", reason=machine.reason,
+            streaming=streaming, mode=telemetry.mode, armed=telemetry.armed, in_air=telemetry.in_air,
+            limiter_zone=limited.zone, limiter_distance_m=limited.distance_m, request_age_ms=self.flight.verdict.age_ms,
+            preflight=gate(telemetry, self.flight.parameters, seen.camera, self.helm, t_ns),
+            counters=dict(machine.counters))
+        return (Output("helm/status", status),)
+
+
+def _candidate(inputs: Inputs, source: str) -> Candidate | None:
+    received = inputs.peek(f"helm/request/{source}", Request)
+    if received is None:
+        return None
+    return Candidate(source, received.message, received.header.capture_ns, received.received_ns)
+
+
+def vehicle_state(telemetry: Telemetry, sample: AttitudeSample) -> VehicleState:
+    """The vehicle at the time of an attitude: the newest position carried there by its velocity (30 Hz to 50 Hz).
+
+    Raises:
+        ValueError: no position is known.
+    """
+    ned_p_m, position = telemetry.ned_p_m(), telemetry.position
+    if ned_p_m is None or position is None:
+        raise ValueError("vehicle_state: got no position, expected a LOCAL_POSITION_NED before")
+    dt_s = min(max((sample.stamp_ns - position.stamp_ns) / 1e9, -_EXTRAPOLATE_S), _EXTRAPOLATE_S)
+    v = position.ned_v_m_s
+    return VehicleState(
+        ned_p_m=(ned_p_m[0] + v[0] * dt_s, ned_p_m[1] + v[1] * dt_s, ned_p_m[2] + v[2] * dt_s), ned_v_m_s=v,
+        ned_q_body=sample.ned_q_body, body_rates_rad_s=sample.body_rates_rad_s, armed=telemetry.armed,
+        in_air=telemetry.in_air, mode=telemetry.mode,
+        battery_fraction=telemetry.battery_fraction if math.isfinite(telemetry.battery_fraction) else -1.0)

@@ -1,0 +1,164 @@
+"""From the arbiter's verdict to the setpoint: hover or obey, slew, contain, limit, hold height and heading.
+
+The limiter comes last: there is no path around it, for the climb to the held height neither.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from common.geometry.rotation import wrap_angle
+from common.messages import Obstacle, Setpoint, Vec3
+from onboard.helm.arbiter import Verdict
+from onboard.helm.config import HelmConfig
+from onboard.helm.containment import contain, slew
+from onboard.helm.setpoint import LocalSetpoint, hover_velocity
+from onboard.helm.telemetry import Telemetry
+from onboard.limiter.config import LimiterConfig
+from onboard.limiter.limiter import Limited, limit
+
+_STEP_MAX_S = 0.1
+_STILL_M_S = 0.4
+_BRAKE_MAX_S = 4.0
+_HEIGHT_LEAD_M = 1.0
+_AUTOPILOT_HEIGHT_GAIN_1_S = 1.0  # PX4's MPC_Z_P
+_HEADING_LEAD_RAD = 0.5
+
+
+@dataclass(frozen=True)
+class View:
+    """Obstacles as helm sees them now."""
+
+    obstacles: Sequence[Obstacle] | None
+    """None without fresh data."""
+    age_s: float = 0.0
+    """Age of the distances, s."""
+
+
+@dataclass(frozen=True)
+class Flown:
+    """One setpoint, for the autopilot and for the bus."""
+
+    local: LocalSetpoint
+    """What goes to the autopilot."""
+    message: Setpoint
+    """What goes to the bus."""
+    limited: Limited
+    """What the limiter did."""
+
+
+class Pilot:
+    """Holds height, heading and the hover anchor between setpoints.
+
+    Args:
+        config: helm's settings.
+        limiter: the limiter's.
+    """
+
+    def __init__(self, config: HelmConfig, limiter: LimiterConfig):
+        self._config = config
+        self._limiter = limiter
+        self._height_m = math.nan
+        self._yaw_rad = math.nan
+        self._anchor_m: tuple[float, float] | None = None
+        self._hover_since_ns: int | None = None
+        self._last_v: Vec3 = (0.0, 0.0, 0.0)
+        self._last_ns = 0
+        self._has_seen_obstacles = False
+
+    def reset(self, telemetry: Telemetry, t_ns: int, height_m: float | None = None) -> None:
+        """Start from where the vehicle is: its height (or the one given, m above home), heading and velocity."""
+        position, attitude = telemetry.position, telemetry.attitude
+        self._height_m = telemetry.height_m if height_m is None else height_m
+        self._yaw_rad = attitude.yaw_rad if attitude else math.nan
+        north, east, _ = position.ned_v_m_s if position else (0.0, 0.0, 0.0)
+        self._last_v = (north, east, 0.0)
+        self._anchor_m, self._hover_since_ns = None, None
+        self._last_ns = t_ns
+
+    def fly(self, verdict: Verdict, telemetry: Telemetry, view: View, t_ns: int) -> Flown | None:
+        """The setpoint for this control cycle; None without an estimate of position and heading."""
+        ned_p_m, position, attitude = telemetry.ned_p_m(), telemetry.position, telemetry.attitude
+        if ned_p_m is None or position is None or attitude is None:
+            return None
+        if not math.isfinite(self._height_m + self._yaw_rad):
+            self.reset(telemetry, t_ns)
+        dt_s = min(max((t_ns - self._last_ns) / 1e9, 0.0), _STEP_MAX_S)
+        self._last_ns = t_ns
+        bounds = self._config.containment
+        hovering = verdict.ned_v_m_s[:2] == (0.0, 0.0)
+        wanted = self._hover(verdict.ned_v_m_s[2], ned_p_m, position.ned_v_m_s, t_ns) if hovering else verdict.ned_v_m_s
+        if not hovering:
+            self._anchor_m, self._hover_since_ns = None, None
+        rate = bounds.braking_m_s2 if hovering else bounds.acceleration_m_s2
+        contained = contain(slew(contain(wanted, ned_p_m, bounds), self._last_v, rate, dt_s), ned_p_m, bounds)
+        limited = self._limit(contained, -ned_p_m[2], position.ned_v_m_s, view, dt_s)
+        yaw_rate = self._turn(verdict.yaw_rate_rad_s, attitude.yaw_rad, dt_s)
+        home_z = telemetry.home_local_m[2] if telemetry.home_local_m else 0.0
+        local = LocalSetpoint(limited.ned_v_m_s[0], limited.ned_v_m_s[1], home_z - self._height_m, yaw_rate)
+        message = Setpoint(source=verdict.source, asked_ned_v_m_s=verdict.ned_v_m_s, ned_v_m_s=limited.ned_v_m_s,
+                           height_m=self._height_m, yaw_rad=self._yaw_rad)
+        return Flown(local, message, limited)
+
+    def _hover(self, down_m_s: float, ned_p_m: Vec3, ned_v_m_s: Vec3, t_ns: int) -> Vec3:
+        """Brake first; where the vehicle has come to rest is the anchor. (An anchor taken at speed would be overshot
+        by the 1.2 to 2.3 m that a stop takes, and flown back to.)"""
+        if self._hover_since_ns is None:
+            self._hover_since_ns = t_ns
+        if self._anchor_m is None:
+            still = math.hypot(ned_v_m_s[0], ned_v_m_s[1]) < _STILL_M_S
+            if not still and (t_ns - self._hover_since_ns) / 1e9 < _BRAKE_MAX_S:
+                return (0.0, 0.0, down_m_s)
+            self._anchor_m = (ned_p_m[0], ned_p_m[1])
+        north, east, _ = hover_velocity(self._anchor_m, ned_p_m, self._config.hover_gain_1_s,
+                                        self._config.hover_speed_m_s)
+        return (north, east, down_m_s)
+
+    def _limit(self, ned_v_m_s: Vec3, height_m: float, ned_vehicle_v_m_s: Vec3, view: View, dt_s: float) -> Limited:
+        """The limiter over the whole motion that the setpoint will cause, climbing to the held height included.
+
+        The vertical request moves the held height, which leads the vehicle by 1 m at most; the autopilot climbs
+        towards it at gain · lead. That climb is what the limiter sees; what it takes away is taken from the lead.
+        """
+        bounds = self._config.containment
+        low, high = min(bounds.height_min_m, self._height_m), max(bounds.height_max_m, self._height_m)
+        held_m = min(max(self._height_m - ned_v_m_s[2] * dt_s, low), high)
+        lead_m = min(max(held_m - height_m, -_HEIGHT_LEAD_M), _HEIGHT_LEAD_M)
+        down_m_s = -_AUTOPILOT_HEIGHT_GAIN_1_S * lead_m
+        self._has_seen_obstacles |= view.obstacles is not None
+        limited = limit((ned_v_m_s[0], ned_v_m_s[1], down_m_s), view.obstacles, self._limiter,
+                        ned_vehicle_v_m_s=ned_vehicle_v_m_s, age_s=view.age_s,
+                        required=self._limiter.required or self._has_seen_obstacles)
+        north, east, limited_down = limited.ned_v_m_s
+        cut = limited_down != down_m_s
+        self._height_m = height_m + (-limited_down / _AUTOPILOT_HEIGHT_GAIN_1_S if cut else lead_m)
+        self._last_v = (north, east, limited_down if cut else ned_v_m_s[2])
+        return limited
+
+    def _turn(self, yaw_rate_rad_s: float, yaw_rad: float, dt_s: float) -> float:
+        """Integrate the heading rate into the held heading; returns the rate that keeps it, rad/s."""
+        largest = self._config.containment.yaw_rate_rad_s
+        asked = min(max(yaw_rate_rad_s, -largest), largest)
+        ahead = wrap_angle(self._yaw_rad + asked * dt_s - yaw_rad)
+        ahead = min(max(ahead, -_HEADING_LEAD_RAD), _HEADING_LEAD_RAD)
+        self._yaw_rad = wrap_angle(yaw_rad + ahead)
+        return min(max(asked + self._config.yaw_gain_1_s * ahead, -largest), largest)
+
+
+def homing(ned_p_m: Vec3, ned_v_m_s: Vec3, config: HelmConfig) -> tuple[Verdict, bool]:
+    """Velocity on the way home, and whether home is reached (within 0.7 m, slower than 0.5 m/s).
+
+    Climbs to the return height first, then flies home level; it never descends on the way.
+    """
+    distance = math.hypot(ned_p_m[0], ned_p_m[1])
+    if distance < 0.7 and math.hypot(ned_v_m_s[0], ned_v_m_s[1]) < 0.5:
+        return Verdict("helm", (0.0, 0.0, 0.0), 0.0, -1.0), True
+    short_m = config.return_height_m + ned_p_m[2]
+    down = -min(max(short_m, 0.0), config.containment.climb_m_s)
+    if short_m > 1.0 and distance > 3.0:
+        return Verdict("helm", (0.0, 0.0, down), 0.0, -1.0), False
+    speed = min(config.return_speed_m_s, 0.6 * distance)
+    scale = speed / distance if distance > 0.0 else 0.0
+    return Verdict("helm", (-ned_p_m[0] * scale, -ned_p_m[1] * scale, down), 0.0, -1.0), False

@@ -1,0 +1,178 @@
+#!/usr/bin/env bash
+# Installs what is missing, and nothing else: system packages, the virtual environment .venv, Python packages.
+#
+#   scripts/setup.sh run    what `make demo` and `make bench` need
+#   scripts/setup.sh dev    and what `make lint` and `make fast` need
+#   scripts/setup.sh test   and what `make test` needs (Chromium, a sample video, iproute2)
+#
+# System packages come through apt-get, as root or with sudo. Where neither is possible it prints the one command that
+# somebody with the right must run, and exits 1. PYTHON names another interpreter (3.11 or newer); PIP_* variables and
+# pip's own configuration are respected.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+readonly LEVEL="${1:-run}"
+readonly VENV=.venv
+readonly VIDEO=/usr/share/doc/opencv-doc/examples/data/vtest.avi
+readonly VIDEO_COPY="$VENV/share/outrider/vtest.avi"
+
+say() { printf 'set-up: %s\n' "$*"; }
+fail() { printf 'set-up: %s\n' "$*" >&2; exit 1; }
+
+new_enough() { "$1" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; }
+
+case "$LEVEL" in run | dev | test) ;; *) fail "got '$LEVEL', expected one of: run, dev, test" ;; esac
+if [ -n "${PYTHON:-}" ] && ! new_enough "$PYTHON"; then
+  fail "PYTHON: got '$PYTHON' ($("$PYTHON" --version 2>&1 || true)), expected an interpreter of Python 3.11 or newer"
+fi
+
+# ---------------------------------------------------------------- what is there
+
+find_python() {
+  local name
+  for name in ${PYTHON:-python3 python3.13 python3.12 python3.11 python3.14}; do
+    if command -v "$name" >/dev/null && new_enough "$name"; then command -v "$name"; return; fi
+  done
+  return 1
+}
+
+venv_works() { [ -x "$VENV/bin/python" ] && new_enough "$VENV/bin/python" && "$VENV/bin/python" -m pip --version >/dev/null 2>&1; }
+
+has_library() { { /sbin/ldconfig -p 2>/dev/null || ldconfig -p; } | grep -q "$1"; }
+
+# An EGL driver of any vendor: Mesa's renders on the CPU and needs its DRI modules, a GPU vendor's brings its own.
+has_gl() {
+  has_library libEGL.so.1 && has_library libOpenGL.so.0 || return 1
+  if has_library libEGL_nvidia.so; then return 0; fi
+  has_library libEGL_mesa.so.0 && compgen -G '/usr/lib/*/dri/*swrast*' >/dev/null || has_library libgallium
+}
+
+# Ubuntu's package is an empty shell around a snap, so a name on the path proves nothing: it has to answer.
+find_chromium() {
+  local name
+  for name in chromium chromium-browser google-chrome google-chrome-stable; do
+    if command -v "$name" >/dev/null && "$name" --version 2>/dev/null | grep -q '[0-9]\.'; then command -v "$name"; return; fi
+  done
+  return 1
+}
+
+apt_knows() { apt-cache policy "$1" 2>/dev/null | grep 'Candidate:' | grep -qv '(none)'; }
+
+# ---------------------------------------------------------------- system packages
+
+missing_packages() {
+  local python
+  if ! venv_works; then
+    if python="$(find_python)"; then
+      "$python" -c 'import ensurepip, venv' 2>/dev/null ||
+        "$python" -c 'import sys; print("python%d.%d-venv" % sys.version_info[:2])'
+    elif apt_knows python3.11; then
+      echo python3.11 python3.11-venv   # Ubuntu 22.04, whose own python3 is 3.10
+    else
+      echo python3 python3-venv
+    fi
+  fi
+  has_gl || echo libegl1 libegl-mesa0 libopengl0 libgles2 libgl1-mesa-dri
+  if [ "$LEVEL" = test ]; then
+    find_chromium >/dev/null || if apt_knows chromium; then echo chromium; else echo chromium-browser; fi
+    command -v ip >/dev/null || [ -x /sbin/ip ] || echo iproute2
+  fi
+}
+
+install_packages() {
+  local as_root=() command="apt-get install -y --no-install-recommends $*"
+  command -v apt-get >/dev/null ||
+    fail "these system packages are missing (named as on Debian), and there is no apt-get: $*. Install them, then run this again."
+  if [ "$(id -u)" != 0 ]; then
+    if command -v sudo >/dev/null && { sudo -n true 2>/dev/null || [ -t 0 ]; }; then
+      as_root=(sudo)
+      say "system packages are missing; sudo may ask for your password"
+    else
+      fail "system packages are missing and need root. Run this, then run make again:
+    sudo apt-get update && sudo $command"
+    fi
+  fi
+  say "$command"
+  "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get update -qq ||
+    say "apt-get update failed; going on with the lists that are there"
+  "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive $command >/dev/null ||
+    fail "apt-get could not install: $*. Run '$command' as root to see why."
+}
+
+# ---------------------------------------------------------------- Python
+
+make_venv() {
+  local python
+  venv_works && return
+  python="$(find_python)" || fail "no Python 3.11 or newer on the path ($(python3 --version 2>&1 || true)). Install one and name it: PYTHON=/path/to/python3.12 make ..."
+  say "creating $VENV with $("$python" --version)"
+  "$python" -m venv --clear "$VENV"
+}
+
+install_python_packages() {
+  local extras=all
+  [ "$LEVEL" = run ] || extras=all,dev
+  say "installing outrider[$extras] into $VENV"
+  "$VENV/bin/python" -m pip install --quiet --constraint constraints.txt --editable ".[$extras]" ||
+    fail "pip could not install outrider[$extras]; the lines above say why"
+}
+
+check_rendering() {
+  local output
+  output="$(MUJOCO_GL="${MUJOCO_GL:-egl}" "$VENV/bin/python" - 2>&1 <<'PYTHON'
+import mujoco
+model = mujoco.MjModel.from_xml_string("<mujoco><worldbody><light/><geom size='1'/></worldbody></mujoco>")
+with mujoco.Renderer(model, 48, 64) as renderer:
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    renderer.update_scene(data)
+    raise SystemExit(0 if renderer.render().any() else "the picture is black")
+PYTHON
+  )" || fail "OpenGL does not render without a display: ${output##*$'\n'}. Expected Mesa's software driver or a GPU's EGL: sudo apt-get install libegl-mesa0 libgl1-mesa-dri"
+}
+
+# ---------------------------------------------------------------- what only the tests need
+
+# The sample video is one file of a large documentation package, which minimal systems install without its files:
+# it is taken out of the package file, which needs no root.
+fetch_video() {
+  local folder
+  if [ -f "$VIDEO" ] || [ -f "$VIDEO_COPY" ]; then return; fi
+  mkdir -p "$(dirname "$VIDEO_COPY")"
+  if [ -f "$VIDEO.gz" ]; then gunzip -c "$VIDEO.gz" >"$VIDEO_COPY"; return; fi
+  say "fetching the sample video vtest.avi out of the package opencv-doc (100 MB)"
+  folder="$(mktemp -d)"
+  (
+    cd "$folder"
+    apt-get download -qq opencv-doc >/dev/null 2>&1 || { [ "$(id -u)" = 0 ] && apt-get update -qq && apt-get download -qq opencv-doc >/dev/null; }
+    dpkg-deb --fsys-tarfile opencv-doc_*.deb | tar -x --wildcards '*/vtest.avi*'
+    find . -name 'vtest.avi.gz' -exec gunzip {} +
+  ) || { rm -rf "$folder"; fail "could not take vtest.avi out of opencv-doc. Run this, then run make again: sudo apt-get update && sudo apt-get install opencv-doc"; }
+  find "$folder" -name vtest.avi -exec mv {} "$VIDEO_COPY" \;
+  rm -rf "$folder"
+  [ -f "$VIDEO_COPY" ] || fail "the package opencv-doc holds no vtest.avi; put one at $VIDEO_COPY"
+}
+
+check_chromium() {
+  find_chromium >/dev/null ||
+    fail "no working Chromium on the path (Ubuntu's package needs snapd). Install Chromium or Google Chrome, then run make again; 'make fast' needs none"
+}
+
+main() {
+  local packages
+  packages="$(missing_packages | tr '\n' ' ')"
+  if [ -n "${packages// /}" ]; then
+    # shellcheck disable=SC2086 — a list of names
+    install_packages $packages
+  fi
+  make_venv
+  install_python_packages
+  check_rendering
+  if [ "$LEVEL" = test ]; then
+    check_chromium
+    fetch_video
+  fi
+  say "ready for $LEVEL"
+}
+
+main

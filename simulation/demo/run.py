@@ -1,0 +1,158 @@
+"""`outrider demo`: starts the three sides as their users would, flies the mission, judges it, ends everything."""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import json
+import logging
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+from common.bus import Bus
+from common.config import ConfigError
+from common.launch import stop_on_signals
+from common.processes import load_config
+from common.session import BusConfig, RouterAbsent
+from simulation.demo.mission import Mission, MissionFailed
+from simulation.demo.report import Criteria
+
+log = logging.getLogger(__name__)
+
+_SIDES = ("sim", "onboard", "ground")
+_GRACE_S = 4.0
+_PR_SET_PDEATHSIG = 1
+
+EXIT_FAILED = 1
+EXIT_TOO_SLOW = 4
+"""The machine could not render in time: the flight cannot be judged."""
+
+
+class Sides:
+    """The three sides as processes of their own, each under its supervisor.
+
+    Args:
+        arguments: for all (`--config …`, `--set …`).
+        headless: leave out the console.
+    """
+
+    def __init__(self, arguments: list[str], headless: bool):
+        self._processes: dict[str, subprocess.Popen] = {}
+        for side in _SIDES:
+            extra = ["--without", "console"] if headless and side == "ground" else []
+            self._processes[side] = subprocess.Popen(
+                [sys.executable, "-m", "common.cli", side, *arguments, *extra],
+                stdin=subprocess.DEVNULL,
+                process_group=0,
+                preexec_fn=_end_with_parent,
+            )
+
+    def ended(self) -> str | None:
+        """Name and exit code of a side that has ended by itself, or None."""
+        for side, process in self._processes.items():
+            if process.poll() is not None:
+                return f"the {side} side ended with exit code {process.returncode}"
+        return None
+
+    def end(self) -> None:
+        """End all sides, and wait for them."""
+        for process in self._processes.values():
+            if process.poll() is None:
+                process.send_signal(signal.SIGTERM)
+        deadline = time.monotonic() + _GRACE_S
+        for side, process in self._processes.items():
+            try:
+                process.wait(max(0.0, deadline - time.monotonic()))
+            except subprocess.TimeoutExpired:
+                log.warning("the %s side did not end in %.0f s: killing it", side, _GRACE_S)
+                process.kill()
+                process.wait()
+
+
+def _end_with_parent() -> None:
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
+def _arguments(args: argparse.Namespace) -> list[str]:
+    overrides = [*args.overrides, f"world.scenario={args.scenario}"]
+    if args.seed is not None:
+        overrides += [f"world.seed={args.seed}", f"autopilot.seed={args.seed}", f"pursuit.seed={args.seed}"]
+    load_config(args.config, overrides)  # one clear line here, before three sides say it thrice
+    return ["--config", args.config, *(part for text in overrides for part in ("--set", text))]
+
+
+def main(args: argparse.Namespace) -> int:
+    """Run the demonstration; returns 0 when the chase held, 1 when not, 4 when the machine was too slow to tell.
+
+    Raises:
+        ConfigError: the configuration is refused.
+    """
+    if args.duration is not None and args.duration <= 0:
+        raise ConfigError(f"--duration: got {args.duration:g}, expected seconds above 0")
+    arguments = _arguments(args)
+    config = load_config(args.config, args.overrides)
+    stop, _ = stop_on_signals()
+    sides = Sides(arguments, args.headless)
+    watcher = threading.Thread(target=_watch, args=(sides, stop), daemon=True)
+    watcher.start()
+    try:
+        with Bus(config.section(BusConfig), "ground", "demo", wait_s=30.0, stop=stop) as bus:
+            mission = Mission(bus, stop, args.duration)
+            try:
+                mission.fly()
+            except MissionFailed as failure:
+                log.error("%s", failure)
+                return EXIT_FAILED
+            return _judge(mission, args)
+    except RouterAbsent:
+        return 0 if sides.ended() is None and stop.is_set() else EXIT_FAILED
+    finally:
+        stop.set()  # the watcher must not take an ordered end for a failure
+        watcher.join()
+        sides.end()
+
+
+def _watch(sides: Sides, stop: threading.Event) -> None:
+    while not stop.wait(0.2):
+        ended = sides.ended()
+        if ended is not None:
+            log.error("%s: ending the demonstration", ended)
+            stop.set()
+
+
+def _judge(mission: Mission, args: argparse.Namespace) -> int:
+    criteria = Criteria()
+    faults = mission.recorder.faults(criteria)
+    figures = mission.recorder.summary() | {"world_late_fraction": mission.late_fraction}
+    too_slow = mission.late_fraction > criteria.late_fraction
+    if args.duration is not None and not mission.completed:
+        faults.append(f"ended before the {args.duration:g} s were over")
+    verdict = "machine too slow to judge" if too_slow else "chase held" if not faults else "chase did not hold"
+    if args.report:
+        Path(args.report).write_text(
+            json.dumps(
+                {
+                    "name": "demo",
+                    "scenario": args.scenario,
+                    "seed": args.seed,
+                    "verdict": verdict,
+                    "faults": faults,
+                    "results": figures,
+                },
+                indent=2,
+            )
+            + "\n",
+            encoding="utf-8",
+        )
+    for name, value in figures.items():
+        print(f"{name:24} {value:.3f}")
+    print(verdict + (": " + "; ".join(faults) if faults else ""))
+    if args.duration is None:
+        return 0  # ended by the operator: the figures are for information
+    if too_slow:
+        return EXIT_TOO_SLOW
+    return EXIT_FAILED if faults else 0

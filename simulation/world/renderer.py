@@ -1,0 +1,140 @@
+"""Headless colour pictures of a scene, through a calibrated camera."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from common.geometry.camera import Camera
+from common.geometry.rotation import quat_multiply, quat_rotate, quat_to_matrix
+from simulation.world.gl import mujoco, open_context
+from simulation.world.scene import NWU_FROM_NED
+
+Array = NDArray[np.float64]
+_Edges = tuple[float, float, float, float]
+_Map = tuple[NDArray[np.float32], NDArray[np.float32]]
+
+_NEAR_M, _FAR_M = 0.1, 120.0
+_MAX_GEOMS = 2000
+# A corner of the picture that looks less steeply down than this sees to the horizon.
+_FLAT = 0.05
+_MARGIN_M = 1.0
+_UNUSED = (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION, mujoco.mjtRndFlag.mjRND_FOG,
+           mujoco.mjtRndFlag.mjRND_HAZE, mujoco.mjtRndFlag.mjRND_SKYBOX)
+
+
+class Drawable(Protocol):
+    """What the renderer needs of a scene."""
+
+    model: Any
+    """The `mujoco.MjModel`."""
+    data: Any
+    """The `mujoco.MjData`, with the kinematics computed."""
+
+    def show_near(self, ned_m: ArrayLike, radius_m: float) -> None:
+        """Told before each picture: nothing farther from the camera than this, horizontally, is in view."""
+
+
+class Renderer:
+    """Draws a scene as one camera sees it. Belongs to the thread that made it, as its OpenGL context does.
+
+    Args:
+        scene: what to draw.
+        camera: calibration; lens distortion is applied where there is any.
+
+    Raises:
+        GlMissingError: no headless OpenGL; the text names the packages.
+    """
+
+    def __init__(self, scene: Drawable, camera: Camera):
+        self._scene, self._camera = scene, camera
+        self._context = open_context(camera.width, camera.height)
+        self._gl = mujoco.MjrContext(scene.model, mujoco.mjtFontScale.mjFONTSCALE_50.value)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._gl)
+        self._view = mujoco.MjvScene(scene.model, maxgeom=_MAX_GEOMS)
+        for flag in _UNUSED:
+            self._view.flags[flag] = 0
+        self._option, self._free = mujoco.MjvOption(), mujoco.MjvCamera()
+        self._rect = mujoco.MjrRect(0, 0, camera.width, camera.height)
+        self._rgb = np.empty((camera.height, camera.width, 3), np.uint8)
+        self._frustum, self._remap = _frustum(camera)
+        left, right, bottom, top = self._frustum
+        self._corner_rays = np.array([(x, -y, 1.0) for x in (left, right) for y in (bottom, top)])
+
+    def render(self, ned_p_camera_m: ArrayLike, ned_q_camera: ArrayLike) -> NDArray[np.uint8]:
+        """Picture (height, width, 3), BGR, from a camera at a position (3,), NED, m, and an attitude (optical frame).
+
+        The cars are where `Scene.place` put them last.
+        """
+        position, attitude = np.asarray(ned_p_camera_m, dtype=float), np.asarray(ned_q_camera, dtype=float)
+        self._scene.show_near(position, self._reach(position, attitude))
+        self._aim(position, attitude)
+        mujoco.mjr_render(self._rect, self._view, self._gl)
+        mujoco.mjr_readPixels(self._rgb, None, self._rect, self._gl)
+        # OpenGL's rows run upwards.
+        picture = cv2.flip(cv2.cvtColor(self._rgb, cv2.COLOR_RGB2BGR), 0)
+        if self._remap is not None:
+            picture = cv2.remap(picture, *self._remap, cv2.INTER_LINEAR)
+        return picture.astype(np.uint8, copy=False)
+
+    def _aim(self, ned_p_camera_m: Array, ned_q_camera: Array) -> None:
+        mujoco.mjv_updateScene(self._scene.model, self._scene.data, self._option, None, self._free,
+                               mujoco.mjtCatBit.mjCAT_ALL.value, self._view)
+        axes = quat_to_matrix(ned_q_camera)
+        left, right, bottom, top = self._frustum
+        for eye in self._view.camera:
+            eye.pos = ned_p_camera_m * NWU_FROM_NED
+            eye.forward = axes[:, 2] * NWU_FROM_NED
+            eye.up = -axes[:, 1] * NWU_FROM_NED
+            eye.orthographic = 0
+            eye.frustum_near, eye.frustum_far = _NEAR_M, _FAR_M
+            eye.frustum_center = _NEAR_M * (left + right) / 2
+            eye.frustum_width = _NEAR_M * (right - left) / 2
+            eye.frustum_bottom, eye.frustum_top = _NEAR_M * bottom, _NEAR_M * top
+
+    def _reach(self, ned_p_camera_m: Array, ned_q_camera: Array) -> float:
+        """Horizontal distance, m, up to which the ground is in view."""
+        ned = self._corner_rays @ quat_to_matrix(ned_q_camera).T
+        if (ned[:, 2] < _FLAT).any():
+            return _FAR_M
+        tangents = np.hypot(ned[:, 0], ned[:, 1]) / ned[:, 2]
+        return float(max(-ned_p_camera_m[2], 0.0) * tangents.max()) + _MARGIN_M
+
+    def close(self) -> None:
+        """Free the OpenGL context."""
+        self._gl.free()
+        self._context.free()
+
+
+def camera_pose(camera: Camera, ned_p_body_m: ArrayLike, ned_q_body: ArrayLike) -> tuple[Array, Array]:
+    """Position (3,), NED, m, and attitude (4,) of a camera on a body at a pose."""
+    position = np.asarray(ned_p_body_m, dtype=float) + quat_rotate(ned_q_body, camera.body_p_camera_m)
+    return position, quat_multiply(ned_q_body, camera.body_q_camera)
+
+
+def ned_to_pixels(camera: Camera, ned_p_camera_m: ArrayLike, ned_q_camera: ArrayLike, ned_points_m: ArrayLike) -> Array:
+    """Pixels (N, 2) of points (N, 3), NED, m; NaN for those behind the camera."""
+    offsets = np.asarray(ned_points_m, dtype=float) - np.asarray(ned_p_camera_m, dtype=float)
+    return camera.project(offsets @ quat_to_matrix(ned_q_camera))
+
+
+def _frustum(camera: Camera) -> tuple[_Edges, _Map | None]:
+    """Edges of the pinhole picture as tangents (left, right, bottom, top), and the map from the real picture into it.
+
+    A pixel's centre has whole coordinates (OpenCV), so the picture reaches from -0.5 to width - 0.5. The map is None
+    for a lens without distortion: then the pinhole picture is the picture.
+    """
+    width, height = camera.width, camera.height
+    if not any(camera.distortion):
+        return ((-0.5 - camera.cx_px) / camera.fx_px, (width - 0.5 - camera.cx_px) / camera.fx_px,
+                -(height - 0.5 - camera.cy_px) / camera.fy_px, (camera.cy_px + 0.5) / camera.fy_px), None
+    columns, rows = np.meshgrid(np.arange(width), np.arange(height))
+    rays = camera.rays(np.column_stack((columns.ravel(), rows.ravel())))
+    x, y = rays[:, 0], rays[:, 1]
+    left, right, down, up = float(x.min()), float(x.max()), float(y.max()), float(y.min())
+    u, v = (x - left) / (right - left) * width - 0.5, (y - up) / (down - up) * height - 0.5
+    shape = (height, width)
+    return (left, right, -down, -up), (u.reshape(shape).astype(np.float32), v.reshape(shape).astype(np.float32))

@@ -1,0 +1,198 @@
+"""A scripted vehicle on a real bus: pictures, states and answers that a test decides, as input of the console."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import threading
+import time
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+
+from common.bus import Bus, Query
+from common.geometry.camera import Camera
+from common.geometry.config import CameraConfig
+from common.geometry.rotation import as_quat, quat_from_euler
+from common.messages import (
+    Command,
+    Health,
+    HelmStatus,
+    Image,
+    Obstacle,
+    Obstacles,
+    PreflightItem,
+    Reply,
+    Session,
+    Setpoint,
+    Track,
+    Vec3,
+    VehicleState,
+)
+from common.session import BusConfig
+from common.topics import COMMANDS, health_topic
+
+NODES = ("camera", "helm", "pursuit", "recorder", "world")
+CHECKS = (PreflightItem(name="position", ok=True, detail="fused, 0.3 m"),
+          PreflightItem(name="camera", ok=True, detail="20.0 Hz, 45 ms old"))
+
+
+def ground_picture(camera: Camera) -> np.ndarray:
+    """A meadow with a path, (H, W, 3), BGR."""
+    rng = np.random.default_rng(7)
+    coarse = cv2.resize(rng.normal(0, 1, (24, 32)).astype(np.float32), (camera.width, camera.height),
+                        interpolation=cv2.INTER_CUBIC)
+    fine = rng.normal(0, 1, (camera.height, camera.width)).astype(np.float32)
+    tone = 12 * coarse + 4 * fine
+    picture = np.stack((52 + tone * 0.6, 96 + tone, 84 + tone * 0.9), axis=2)
+    picture = np.clip(picture, 0, 255).astype(np.uint8)
+    cv2.line(picture, (-20, 420), (700, 120), (118, 130, 138), 46, cv2.LINE_AA)
+    for x, y, r in ((90, 90, 34), (520, 400, 42), (590, 60, 26), (200, 430, 22)):
+        cv2.circle(picture, (x, y), r, (38, 74, 44), -1, cv2.LINE_AA)
+        cv2.circle(picture, (x - r // 4, y - r // 4), r // 2, (48, 92, 58), -1, cv2.LINE_AA)
+    return picture
+
+
+@dataclass
+class Script:
+    """What the vehicle says; a test changes it while it runs."""
+
+    pictures: bool = True
+    """Whether pictures go out."""
+    status: bool = True
+    """Whether helm speaks."""
+    state: str = "hold"
+    reason: str = "hovering at the anchor"
+    source: str = "helm"
+    mode: str = "OFFBOARD"
+    armed: bool = True
+    in_air: bool = True
+    battery: float = 0.87
+    zone: str = "safe"
+    distance_m: float = 8.4
+    track_state: str = "tracking"
+    """`idle`, `tracking` or `lost`; empty: no track goes out."""
+    preflight: tuple[PreflightItem, ...] = CHECKS
+    position_m: Vec3 = (2.0, 1.0, -5.0)
+    moving: bool = True
+    """Whether the car drives; else it stands in the middle."""
+    obstacles: tuple[Obstacle, ...] = ()
+    replies: dict[str, Reply] = field(default_factory=dict)
+    """Answer to each command; `done` where there is none."""
+    delays_s: dict[str, float] = field(default_factory=dict)
+    """How long each command takes, s."""
+
+
+class ScriptedVehicle:
+    """Publishes what the script says at the rates of the real nodes, and answers every command.
+
+    Args:
+        bus_config: routers.
+    """
+
+    def __init__(self, bus_config: BusConfig):
+        self.script = Script()
+        self.commands: list[tuple[str, Command]] = []
+        self.captures: list[int] = []
+        """Capture stamps of the pictures sent."""
+        self._buses = {name: Bus(bus_config, "onboard", name) for name in NODES}
+        for bus in self._buses.values():
+            bus.announce()
+        for name in COMMANDS:
+            self._buses["helm"].serve(name, self._answer)
+        self.camera = CameraConfig().camera()
+        self._ground = ground_picture(self.camera)
+        self._stop = threading.Event()
+        self._begin = time.monotonic()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._stop.set()
+        self._thread.join(timeout=5)
+        for bus in self._buses.values():
+            bus.close()
+
+    def lose(self, node: str) -> None:
+        """End a node: its token and its streams go."""
+        self._buses.pop(node).close()
+
+    def car(self, t_s: float) -> tuple[float, float, float]:
+        """Place and heading of the car in the picture: x, y, px, and rad."""
+        if not self.script.moving:
+            return 320.0, 240.0, 0.4
+        return 320 + 90 * math.cos(0.4 * t_s), 240 + 60 * math.sin(0.4 * t_s), 0.4 + 0.3 * math.sin(0.3 * t_s)
+
+    def _answer(self, query: Query) -> None:
+        self.commands.append((query.name, query.command))
+        reply = self.script.replies.get(query.name, Reply(outcome="done"))
+        # The callback runs in the bus's thread: a slow answer there would hold up every other command.
+        threading.Timer(self.script.delays_s.get(query.name, 0.0), query.reply, (reply,)).start()
+
+    def _run(self) -> None:
+        tick = 0
+        while not self._stop.wait(0.05):
+            tick += 1
+            t_s = time.monotonic() - self._begin
+            with contextlib.suppress(KeyError):  # a node that the test has ended
+                if self.script.pictures:
+                    self._picture(t_s)
+                self._state(t_s)
+                if tick % 4 == 0 and self.script.status:
+                    self._status()
+            if tick % 20 == 1:
+                self._housekeeping()
+
+    def _picture(self, t_s: float) -> None:
+        picture = self._ground.copy()
+        x, y, angle = self.car(t_s)
+        box = cv2.boxPoints(((x, y), (70.0, 34.0), math.degrees(angle))).astype(np.int32)
+        cv2.fillPoly(picture, [np.add(box, (5, 6))], (30, 52, 46))
+        cv2.fillPoly(picture, [box], (40, 40, 200), cv2.LINE_AA)
+        cv2.circle(picture, (round(x + 12 * math.cos(angle)), round(y + 12 * math.sin(angle))), 9, (70, 60, 60), -1)
+        capture_ns = time.monotonic_ns()
+        _, jpeg = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 80])
+        image = Image(camera="down", width=self.camera.width, height=self.camera.height, encoding="jpeg",
+                      data=jpeg.tobytes())
+        self._buses["camera"].publish("camera/down/jpeg", image, capture_ns)
+        self.captures.append(capture_ns)
+        if not self.script.track_state:
+            return
+        track = Track(state=self.script.track_state, x_px=x, y_px=y, width_px=74, height_px=38, angle_rad=angle,  # type: ignore[arg-type]
+                      distance=0.12 if self.script.track_state == "tracking" else 0.61, distance_limit=0.45,
+                      error=((240 - y) / 440, (x - 320) / 440), error_m=1.0)
+        self._buses["pursuit"].publish("pursuit/track", track, capture_ns)
+
+    def _state(self, t_s: float) -> None:
+        s = self.script
+        attitude = as_quat(quat_from_euler(0.05 * math.sin(t_s), -0.12, 0.5 + 0.1 * math.sin(0.3 * t_s)))
+        north, east, down = s.position_m
+        position = (north + 2 * math.cos(0.2 * t_s), east + 2 * math.sin(0.2 * t_s), down)
+        velocity = (-0.4 * math.sin(0.2 * t_s), 0.4 * math.cos(0.2 * t_s), 0.0)
+        self._buses["helm"].publish("helm/state", VehicleState(
+            ned_p_m=position, ned_v_m_s=velocity, ned_q_body=attitude, body_rates_rad_s=(0.0, 0.0, 0.0),
+            armed=s.armed, in_air=s.in_air, mode=s.mode, battery_fraction=s.battery))
+        if s.in_air:
+            self._buses["helm"].publish("helm/setpoint", Setpoint(
+                source=s.source, asked_ned_v_m_s=(1.1, 0.9, 0.0), ned_v_m_s=(0.8, 0.5, 0.0), height_m=5.0, yaw_rad=0.5))
+
+    def _status(self) -> None:
+        s = self.script
+        self._buses["helm"].publish("helm/status", HelmStatus(
+            state=s.state, source=s.source, reason=s.reason, streaming=s.in_air, mode=s.mode, armed=s.armed,
+            in_air=s.in_air, limiter_zone=s.zone, limiter_distance_m=s.distance_m, request_age_ms=42.0,
+            preflight=s.preflight))
+        if s.obstacles:
+            self._buses["world"].publish("obstacles/near", Obstacles(obstacles=s.obstacles))
+
+    def _housekeeping(self) -> None:
+        now_ns = time.monotonic_ns()
+        for name, bus in list(self._buses.items()):
+            bus.publish(health_topic(name).name, Health(
+                node=name, pid=1000, steps=200, step_ms_median=3.1, step_ms_max=9.0, input_age_ms={}, dropped={},
+                rejected={}, errors=0))
+        with contextlib.suppress(KeyError):
+            self._buses["camera"].publish("camera/down/info", self.camera.info("down"))
+            self._buses["helm"].publish("session", Session(vehicle="kite", monotonic_ns=now_ns, utc_ns=time.time_ns()))

@@ -1,0 +1,94 @@
+"""What arbiter, containment and the pilot promise for every input."""
+
+from __future__ import annotations
+
+import math
+
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from common.messages import Request
+from onboard.helm.arbiter import Candidate, Verdict, arbitrate
+from onboard.helm.config import ContainmentConfig, HelmConfig
+from onboard.helm.containment import contain, slew
+from onboard.helm.pilot import Pilot, View
+from onboard.helm.telemetry import AttitudeSample, PositionSample, Telemetry
+from onboard.limiter.config import LimiterConfig
+
+NOW = 50_000_000_000
+_ANY = st.floats(allow_nan=True, allow_infinity=True)
+_SPEED = st.floats(-6.0, 6.0)
+_VELOCITY = st.tuples(_SPEED, _SPEED, _SPEED)
+BOUNDS = ContainmentConfig(radius_m=20.0, fence_band_m=5.0, height_max_m=10.0)
+
+
+@st.composite
+def _candidate(draw, source: str) -> Candidate:
+    request = Request(frame=draw(st.sampled_from(["ned", "heading"])), vector=(draw(_ANY), draw(_ANY), draw(_ANY)),
+                      yaw_rate_rad_s=draw(_ANY), valid_ms=draw(st.floats(0.0, 10_000.0)))
+    basis_ns = NOW + draw(st.integers(-2_000_000_000, 500_000_000))
+    return Candidate(source, request, basis_ns, basis_ns + draw(st.integers(0, 1_000_000_000)))
+
+
+@given(st.one_of(st.none(), _candidate("operator")), st.one_of(st.none(), _candidate("pursuit")), _ANY)
+@settings(max_examples=400)
+def test_nothing_stale_and_nothing_that_is_no_number_passes(operator, pursuit, yaw):
+    verdict = arbitrate([c for c in (operator, pursuit) if c is not None], NOW, yaw, 0.3)
+    assert all(math.isfinite(c) for c in (*verdict.ned_v_m_s, verdict.yaw_rate_rad_s))
+    chosen = {"operator": operator, "pursuit": pursuit, "helm": None}[verdict.source]
+    if chosen is None:
+        assert verdict.ned_v_m_s == (0.0, 0.0, 0.0)
+        return
+    assert -50.0 <= verdict.age_ms <= min(300.0, chosen.request.valid_ms)
+    assert NOW - chosen.basis_ns <= 300_000_000
+    assert math.hypot(*verdict.ned_v_m_s) <= math.hypot(*chosen.request.vector) * (1 + 1e-9)
+
+
+@given(_VELOCITY, st.tuples(st.floats(-30, 30), st.floats(-30, 30), st.floats(-15, 1)))
+@settings(max_examples=300)
+def test_containment_only_takes_away(asked, position):
+    north, east, down = contain(asked, position, BOUNDS)
+    assert math.hypot(north, east) <= min(math.hypot(asked[0], asked[1]), BOUNDS.speed_m_s) + 1e-9
+    assert abs(down) <= min(abs(asked[2]), BOUNDS.climb_m_s) + 1e-9
+    radius = math.hypot(position[0], position[1])
+    if radius >= BOUNDS.radius_m:
+        assert north * position[0] + east * position[1] <= 1e-6
+    if -position[2] >= BOUNDS.height_max_m:
+        assert down >= 0.0
+
+
+@given(_VELOCITY, _VELOCITY, st.floats(0.1, 10.0), st.floats(0.0, 0.2))
+def test_the_slew_never_jumps_and_arrives(asked, last, rate, dt):
+    out = slew(asked, last, rate, dt)
+    assert math.dist(out, last) <= rate * dt + 1e-9
+    assert math.dist(out, asked) <= math.dist(last, asked) + 1e-9
+
+
+def _telemetry(p, v, yaw, t_ns) -> Telemetry:
+    attitude = AttitudeSample(t_ns, (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)), (0.0, 0.0, 0.0))
+    return Telemetry(found=True, attitude=attitude, position=PositionSample(t_ns, p, v), home_local_m=(0.0, 0.0, 0.0))
+
+
+@given(st.lists(st.tuples(_VELOCITY, st.integers(1, 250)), min_size=1, max_size=6), st.booleans())
+@example(wishes=[((0.0, 3.0, 0.0), 141), ((3.0, 0.0, 1.0), 143)], obeyed=True)  # spiralled out along the fence
+@settings(max_examples=40, deadline=None)
+def test_a_simulated_vehicle_stays_inside(wishes, obeyed):
+    """Whatever is asked, a vehicle with PX4's stopping distance stays within fence and height band."""
+    config = HelmConfig(containment=BOUNDS, takeoff_height_max_m=9.0)
+    pilot = Pilot(config, LimiterConfig())
+    p, v, t_ns = [0.0, 0.0, -4.0], [0.0, 0.0, 0.0], 0
+    pilot.reset(_telemetry((0.0, 0.0, -4.0), (0.0, 0.0, 0.0), 0.0, t_ns), t_ns)
+    for wish, cycles in wishes:
+        for _ in range(cycles):
+            t_ns += 50_000_000
+            verdict = Verdict("pursuit" if obeyed else "helm", wish if obeyed else (0.0, 0.0, 0.0), 0.0, 10.0)
+            flown = pilot.fly(verdict, _telemetry(tuple(p), tuple(v), 0.0, t_ns), View(None), t_ns)
+            assert flown is not None
+            local = flown.local
+            assert math.hypot(local.north_m_s, local.east_m_s) <= BOUNDS.speed_m_s + 1e-9
+            wanted = (local.north_m_s, local.east_m_s, local.local_z_m - p[2])
+            for i in range(3):
+                v[i] += (wanted[i] - v[i]) * 0.05 / 0.4
+                p[i] += v[i] * 0.05
+            assert math.hypot(p[0], p[1]) <= BOUNDS.radius_m + 0.5
+            assert BOUNDS.height_min_m - 0.6 <= -p[2] <= BOUNDS.height_max_m + 0.6

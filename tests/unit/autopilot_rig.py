@@ -1,0 +1,108 @@
+"""Clients of the simulated autopilot for its tests: peers on real UDP sockets, and a rig in simulated time."""
+
+from __future__ import annotations
+
+import math
+import socket
+from typing import Any
+
+from pymavlink.dialects.v20 import development as mavlink
+
+from common.config import build
+from simulation.autopilot.config import AutopilotSimConfig, LinkConfig
+from simulation.autopilot.process import AutopilotProcess
+
+HOST = "127.0.0.1"
+GROUND_STATION, COMPANION = 6, 18
+
+
+def free_ports(count: int) -> list[int]:
+    """UDP ports that nobody has at this moment."""
+    sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(count)]
+    for s in sockets:
+        s.bind((HOST, 0))
+    ports = [s.getsockname()[1] for s in sockets]
+    for s in sockets:
+        s.close()
+    return ports
+
+
+def settings(ports: list[int], **changes: Any) -> dict[str, Any]:
+    """The table of the section, with these six ports."""
+    pairs = zip(("onboard", "ground", "truth"), ports[0::2], ports[1::2], strict=True)
+    return {n: {"local_port": a, "remote_port": b} for n, a, b in pairs} | changes
+
+
+class Peer:
+    """A MAVLink client on one of the autopilot's links."""
+
+    def __init__(self, link: LinkConfig, system: int, kind: int):
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.bind((HOST, link.remote_port))
+        self.socket.setblocking(False)
+        self.to, self.kind = (HOST, link.local_port), kind
+        self.mav = mavlink.MAVLink(None, system, 190)
+        self.inbox: list[tuple[float, Any]] = []
+        self.datagrams = 0
+
+    def send(self, message: Any) -> None:
+        self.socket.sendto(message.pack(self.mav), self.to)
+
+    def heartbeat(self) -> None:
+        self.send(mavlink.MAVLink_heartbeat_message(self.kind, 8, 0, 0, 0, 3))
+
+    def command(self, command: int, *values: float, target: int = 1) -> None:
+        padded = [*values, *([math.nan] * (7 - len(values)))]
+        self.send(mavlink.MAVLink_command_long_message(target, 1, command, 0, *padded[:7]))
+
+    def setpoint(self, mask: int, frame: int = 1, **fields: float) -> None:
+        names = ("x", "y", "z", "vx", "vy", "vz", "afx", "afy", "afz", "yaw", "yaw_rate")
+        self.send(mavlink.MAVLink_set_position_target_local_ned_message(
+            0, 1, 1, frame, mask, *(fields.get(n, 0.0) for n in names)))
+
+    def collect(self, t_s: float) -> None:
+        while True:
+            try:
+                datagram = self.socket.recv(4096)
+            except BlockingIOError:
+                return
+            self.datagrams += 1
+            for message in mavlink.MAVLink(None).parse_buffer(datagram) or []:
+                self.inbox.append((t_s, message))
+
+    def got(self, name: str) -> list[Any]:
+        return [m for _, m in self.inbox if m.get_type() == name]
+
+    def acks(self, command: int) -> list[int]:
+        return [m.result for m in self.got("COMMAND_ACK") if m.command == command]
+
+
+class Rig:
+    """An autopilot whose cycles the test turns, with a companion, a ground station and a truth reader."""
+
+    def __init__(self, **changes: Any):
+        config = build(AutopilotSimConfig, settings(free_ports(6), **changes), "test")
+        self.autopilot = AutopilotProcess(config)
+        self.vehicle = self.autopilot.vehicle
+        self.companion = Peer(config.onboard, 1, COMPANION)
+        self.station = Peer(config.ground, 255, GROUND_STATION)
+        self.truth = Peer(config.truth, 245, COMPANION)
+        self.peers = (self.companion, self.station, self.truth)
+
+    def run(self, duration_s: float) -> None:
+        until_s = self.vehicle.t_s + duration_s
+        while self.vehicle.t_s < until_s:
+            self.autopilot.cycle()
+            for peer in self.peers:
+                peer.collect(self.vehicle.t_s)
+
+    def take_off(self) -> None:
+        self.run(4.6)
+        self.companion.command(400, 1.0)
+        self.companion.command(22)
+        self.run(9.0)
+
+    def close(self) -> None:
+        self.autopilot.close()
+        for peer in self.peers:
+            peer.socket.close()

@@ -1,0 +1,174 @@
+"""The rules of the layout, read from the source: who may import whom, and where keys and truth may be named."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+ALLOWED = {
+    "common": {"common"},
+    "onboard": {"common", "onboard"},
+    "ground": {"common", "ground"},
+    "simulation": {"common", "simulation"},
+    "benchmarks": {"common", "onboard", "ground", "simulation", "benchmarks"},
+}
+LIBRARIES = {
+    # Session and bus alone speak Zenoh; the other two name its type of a raw sample.
+    "zenoh": ("common/session.py", "common/bus.py", "common/topics_tool.py", "ground/recorder/process.py"),
+    "mavsdk": ("onboard/helm/",),
+    "pymavlink": ("simulation/", "benchmarks/"),
+    "mujoco": ("simulation/world/", "benchmarks/"),
+    "viser": ("ground/console/",),
+    "mcap": ("common/recording.py",),
+    "matplotlib": ("benchmarks/",),
+}
+# Shells talk to the bus, a device or an operator; everything else in a capability's folder is an algorithm or data.
+SHELLS = (
+    "node.py", "process.py",
+    "onboard/helm/autopilot_link.py",   # MAVSDK
+    "onboard/helm/lock.py",             # one helm a vehicle
+    "onboard/camera/source.py",         # cameras and files
+    "ground/recorder/intake.py",        # the queue between threads
+    "ground/console/",                  # all of it is the operator's page
+    "simulation/demo/",                 # starts processes, flies the demonstration
+    "simulation/world/truth_port.py",   # MAVLink
+    "simulation/world/gl.py",           # the renderer's driver
+    "simulation/autopilot/link.py", "simulation/autopilot/mavlink.py", "simulation/autopilot/telemetry.py",
+    "simulation/autopilot/rates.py",    # MAVLink
+)
+CAPABILITIES = ("common/geometry/", "common/tracking/", "onboard/", "ground/", "simulation/")
+# What would tie an algorithm to the bus, a device, or the time of day.
+NOT_FOR_ALGORITHMS = {
+    "common.session", "common.bus", "common.node", "common.runner",
+    "common.launch", "common.recording", "zenoh", "mavsdk", "pymavlink",
+    "viser", "socket", "subprocess", "threading", "time", "datetime",
+}
+# Settings that a library reads when it is first imported have to stand before that import.
+RUNS_AT_IMPORT = ("simulation/world/gl.py",)
+LONGEST_FILE = 400
+LONGEST_FUNCTION = 70
+
+
+def modules() -> list[str]:
+    """Every module of the distribution, as a path from the root."""
+    return sorted(str(p.relative_to(ROOT)) for root in ALLOWED for p in (ROOT / root).rglob("*.py"))
+
+
+@cache
+def tree_of(module: str) -> ast.Module:
+    """Syntax tree of a module."""
+    return ast.parse((ROOT / module).read_text(encoding="utf-8"), module)
+
+
+def imports(module: str) -> Iterator[str]:
+    """Full names of everything that a module imports, at its top or inside a function."""
+    for node in ast.walk(tree_of(module)):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{module}:{node.lineno}: relative import; write the full name"
+            yield node.module or ""
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def texts(module: str) -> Iterator[tuple[int, str]]:
+    """Line and content of every text in a module, docstrings left out."""
+    documented = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
+    docstrings = {id(n.body[0].value) for n in ast.walk(tree_of(module)) if isinstance(n, documented) and n.body
+                  and isinstance(n.body[0], ast.Expr)}
+    # A text on its own below a field is that field's docstring.
+    docstrings |= {id(n.value) for n in ast.walk(tree_of(module)) if isinstance(n, ast.Expr)}
+    for node in ast.walk(tree_of(module)):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in docstrings:
+            yield node.lineno, node.value
+
+
+def is_algorithm(module: str) -> bool:
+    """Whether a module has to be free of bus, devices and clocks."""
+    in_capability = any(module.startswith(folder) for folder in CAPABILITIES)
+    return in_capability and not any(
+        module.startswith(s) if s.endswith("/") else module == s or Path(module).name == s for s in SHELLS)
+
+
+def test_the_modules_are_found() -> None:
+    found = modules()
+
+    assert {"common/bus.py", "onboard/limiter/law.py", "ground/recorder/process.py"} <= set(found)
+    assert sum(map(is_algorithm, found)) > 15
+
+
+@pytest.mark.parametrize("module", modules())
+def test_sides_do_not_know_each_other(module: str) -> None:
+    own = module.split("/")[0]
+    ours = {name.split(".")[0] for name in imports(module)} & set(ALLOWED)
+
+    assert ours <= ALLOWED[own], f"{own} may import {sorted(ALLOWED[own])} only"
+    assert "tests" not in {name.split(".")[0] for name in imports(module)}
+
+
+@pytest.mark.parametrize("module", modules())
+def test_libraries_stay_where_they_belong(module: str) -> None:
+    for name in imports(module):
+        places = LIBRARIES.get(name.split(".")[0])
+        assert places is None or module.startswith(places), f"{name} is for {places} alone"
+
+
+@pytest.mark.parametrize("module", [m for m in modules() if is_algorithm(m)])
+def test_algorithms_know_no_bus_no_device_and_no_clock(module: str) -> None:
+    wrong = {name for name in imports(module) if name in NOT_FOR_ALGORITHMS or name.split(".")[0] in NOT_FOR_ALGORITHMS}
+
+    assert not wrong, "pass in what it needs (arrays, t_ns, rng), or, if this is a shell, name it in SHELLS"
+
+
+@pytest.mark.parametrize("module", modules())
+def test_randomness_is_seeded_and_passed_in(module: str) -> None:
+    """No global generator, neither Python's nor NumPy's."""
+    for node in ast.walk(tree_of(module)):
+        if isinstance(node, ast.Attribute) and ast.unparse(node.value) in ("random", "np.random", "numpy.random"):
+            assert node.attr in ("Random", "Generator", "default_rng", "SeedSequence", "PCG64"), f"line {node.lineno}"
+        if isinstance(node, ast.Call) and ast.unparse(node.func).endswith(("random.Random", "default_rng")):
+            assert node.args, f"line {node.lineno}: no seed"
+
+
+@pytest.mark.parametrize("module", [m for m in modules() if m != "common/topics.py"])
+def test_keys_are_written_in_one_place(module: str) -> None:
+    written = [(line, text) for line, text in texts(module) if "outrider/" in text]
+
+    assert not written, "name the topic and let common.topics.key make the key"
+
+
+@pytest.mark.parametrize("module", [m for m in modules() if m.startswith(("onboard/", "ground/"))])
+def test_no_algorithm_can_see_the_truth(module: str) -> None:
+    assert "common.messages.Truth" not in set(imports(module))
+    assert not [line for line, text in texts(module) if text == "truth"]
+    names = {n.attr for n in ast.walk(tree_of(module)) if isinstance(n, ast.Attribute)}
+    assert "Truth" not in names
+
+
+@pytest.mark.parametrize("module", modules())
+def test_files_and_functions_stay_readable(module: str) -> None:
+    lines = (ROOT / module).read_text(encoding="utf-8").count("\n")
+    assert lines <= LONGEST_FILE, f"{lines} lines: split it"
+    for node in ast.walk(tree_of(module)):
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
+            length = (node.end_lineno or node.lineno) - node.lineno + 1
+            assert length <= LONGEST_FUNCTION, f"{node.name}: {length} lines"
+
+
+@pytest.mark.parametrize("module", [m for m in modules() if m not in RUNS_AT_IMPORT])
+def test_nothing_runs_at_import(module: str) -> None:
+    """A module's top level holds definitions, constants and imports."""
+    allowed = (ast.Import, ast.ImportFrom, ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef, ast.Assign,
+               ast.AnnAssign)
+    for node in tree_of(module).body:
+        if isinstance(node, allowed):
+            continue
+        documentation = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+        condition = ast.unparse(node.test) if isinstance(node, ast.If) else ""
+        assert documentation or condition in ("__name__ == '__main__'", "TYPE_CHECKING"), f"line {node.lineno}"
+    assert not tree_of(module).body or ast.get_docstring(tree_of(module)), "begins with a docstring"

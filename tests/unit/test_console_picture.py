@@ -1,0 +1,154 @@
+"""The console's picture: where it lies on the canvas, what is drawn on it, which box a drag means."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from common.messages import Track
+from ground.console.overlay import GREEN, ORANGE, Caption, Letterbox, Painter, decode, on_canvas
+from ground.console.pictures import BoxRefused, box_command, choose_picture, target_caption
+from ground.console.scene import Trail
+from ground.console.snapshot import TRACK, Picture, Snapshot
+
+MS = 1_000_000
+
+
+@given(st.integers(16, 4000), st.integers(16, 4000), st.floats(0.3, 4.0), st.floats(0.0, 1.0), st.floats(0.0, 1.0))
+def test_canvas_has_the_window_shape_and_maps_back(width: int, height: int, aspect: float, u: float, v: float) -> None:
+    box = Letterbox.fit(width, height, aspect)
+    assert box.width >= width
+    assert box.height >= height
+    assert box.width == width or box.height == height
+    assert abs(box.width - aspect * box.height) <= 1.0 + aspect
+    x, y = box.to_picture((box.left + u * width) / box.width, (box.top + v * height) / box.height)
+    assert x == pytest.approx(u * width, abs=1e-6 * width)
+    assert y == pytest.approx(v * height, abs=1e-6 * height)
+
+
+def test_picture_lies_on_the_canvas_where_the_letterbox_says() -> None:
+    picture = np.full((48, 64, 3), 200, np.uint8)
+    for aspect in (0.8, 4 / 3, 2.0):
+        box = Letterbox.fit(64, 48, aspect)
+        canvas = on_canvas(picture, box)
+        assert canvas.shape == (box.height, box.width, 3)
+        inside = canvas[box.top:box.top + 48, box.left:box.left + 64]
+        assert (inside == 200).all()
+        assert (canvas == 200).all(axis=2).sum() == 64 * 48
+
+
+def test_drawn_box_becomes_picture_pixels() -> None:
+    box = Letterbox.fit(640, 480, 1.0)  # 640 x 640, 80 px above and below
+    command = box_command((box, 77), (0.25, 0.5), (0.5, 0.625))
+    assert command.box_px == pytest.approx((160.0, 240.0, 160.0, 80.0))
+    assert command.capture_ns == 77
+
+
+def test_box_over_the_edge_is_cut() -> None:
+    box = Letterbox.fit(640, 480, 1.0)
+    command = box_command((box, 1), (0.9, 0.0), (1.0, 0.25))
+    assert command.box_px == pytest.approx((576.0, 0.0, 64.0, 80.0))
+
+
+@pytest.mark.parametrize(("shown", "first", "second", "words"), [
+    (None, (0.2, 0.2), (0.4, 0.4), "no live picture"),
+    ((Letterbox.fit(640, 480, 1.0), 1), (0.2, 0.0), (0.4, 0.1), "beside the picture"),
+    ((Letterbox.fit(640, 480, 1.0), 1), (0.5, 0.5), (0.6, 0.505), "64 x 3 px"),
+])
+def test_box_without_a_target_is_refused_with_the_reason(shown: tuple[Letterbox, int] | None,
+                                                         first: tuple[float, float], second: tuple[float, float],
+                                                         words: str) -> None:
+    with pytest.raises(BoxRefused, match=words):
+        box_command(shown, first, second)
+
+
+def _picture(number: int, received_ms: int) -> Picture:
+    return Picture(b"", 640, 480, number, received_ms * MS, received_ms * MS)
+
+
+def _view(track: Track | None, capture_ns: int, age_ms: float = 30.0) -> Snapshot:
+    return Snapshot(t_ns=0, ages_ms={TRACK: age_ms}, track=track, track_capture_ns=capture_ns)
+
+
+def test_shown_picture_is_the_one_that_the_box_belongs_to() -> None:
+    pictures = [_picture(n, 50 * n) for n in range(6)]
+    tracking = Track(state="tracking")
+    assert choose_picture(pictures, _view(tracking, 4)) is pictures[4]
+    assert choose_picture(pictures, _view(tracking, 1)) is pictures[5], "a box that trails by 200 ms is not waited for"
+    assert choose_picture(pictures, _view(tracking, 4, age_ms=900.0)) is pictures[5], "nor a track that stopped"
+    assert choose_picture(pictures, _view(None, 0)) is pictures[5]
+    assert choose_picture([], _view(tracking, 4)) is None
+
+
+@pytest.mark.parametrize(("state", "colour"), [("tracking", GREEN), ("lost", ORANGE)])
+def test_box_is_drawn_along_the_rotated_rectangle(state: str, colour: tuple[int, int, int]) -> None:
+    picture = np.zeros((200, 200, 3), np.uint8)
+    track = Track(state=state, x_px=100, y_px=90, width_px=80, height_px=40, angle_rad=0.5)  # type: ignore[arg-type]
+    Painter().target(picture, track)
+    drawn = np.argwhere((picture == colour).all(axis=2))[:, ::-1] - (100.0, 90.0)
+    drawn = drawn[np.hypot(*drawn.T) > 8]  # without the mark in the middle
+    c, s = np.cos(0.5), np.sin(0.5)
+    along = drawn @ np.array([[c, -s], [s, c]])  # in the rectangle's own axes
+    off_edge = np.minimum(np.abs(np.abs(along[:, 0]) - 40), np.abs(np.abs(along[:, 1]) - 20))
+    assert len(drawn) > 100
+    assert off_edge.max() < 2.5
+
+
+def test_idle_track_draws_nothing() -> None:
+    picture = np.zeros((200, 200, 3), np.uint8)
+    Painter().target(picture, Track(state="idle", x_px=100, y_px=100, width_px=50, height_px=50))
+    assert not picture.any()
+
+
+def test_stale_picture_has_no_colour_but_that_of_the_warning() -> None:
+    rng = np.random.default_rng(3)
+    picture = rng.integers(0, 255, (240, 320, 3), dtype=np.uint8)
+    Painter().stale(picture, "NO PICTURE 3.2 s", "old")
+    spread = picture.astype(int).max(axis=2) - picture.min(axis=2)
+    assert (spread[:70] == 0).all()
+    assert (spread[170:] == 0).all()
+    assert picture[:70].max() < 120
+    assert (spread > 60).any(), "the warning is orange"
+
+
+def test_captions_change_only_the_lower_edge() -> None:
+    picture = np.full((480, 640, 3), 90, np.uint8)
+    Painter().captions(picture, Caption("LIVE  45 ms", GREEN), Caption("LOST  1.2 s", ORANGE), "Draw a box")
+    assert (picture[:440] == 90).all()
+    assert (picture[440:] != 90).any()
+
+
+def test_decoding_gives_rgb_and_survives_rubbish() -> None:
+    picture = np.zeros((32, 32, 3), np.uint8)
+    picture[:] = (0, 0, 255)  # red in OpenCV's order
+    pixels = decode(cv2.imencode(".jpg", picture)[1].tobytes())
+    assert pixels is not None
+    assert pixels[16, 16, 0] > 200
+    assert pixels[16, 16, 2] < 50
+    assert decode(b"\xff\xd8 nothing \xff\xd9") is None
+
+
+@pytest.mark.parametrize(("track", "age_ms", "words"), [
+    (Track(state="tracking"), 30.0, "TRACKING"), (Track(state="lost"), 30.0, "LOST  1.5 s"),
+    (Track(state="idle"), 30.0, "NO TARGET"), (Track(state="tracking"), 2500.0, "NO TRACK  2.5 s"),
+    (None, -1.0, "NO PURSUIT"),
+])
+def test_word_about_the_target(track: Track | None, age_ms: float, words: str) -> None:
+    view = replace(_view(track, 1, age_ms), tracked_ago_ms=1500.0)
+    assert target_caption(view).text.startswith(words)
+
+
+def test_trail_keeps_its_span_and_its_spacing() -> None:
+    trail = Trail(10.0)
+    assert trail.segments().shape == (1, 2, 3)
+    for step in range(200):
+        trail.add(step * 100 * MS, np.array([0.1 * step, 0.0, -5.0]))
+    segments = trail.segments()
+    assert (segments[1:, 0] == segments[:-1, 1]).all()
+    assert segments[0, 0, 0] >= 0.1 * 95
+    assert np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1).min() >= 0.05

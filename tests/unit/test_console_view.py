@@ -1,0 +1,258 @@
+"""What the console makes of messages: snapshot, alarms, texts."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+
+from common.config import Config, ConfigError, build
+from common.geometry.config import CameraConfig
+from common.geometry.rotation import as_quat, quat_from_euler
+from common.messages import (
+    Health,
+    HelmStatus,
+    Image,
+    PreflightItem,
+    Session,
+    Track,
+    VehicleState,
+)
+from common.node import Inputs, Node, On, ScriptedRun
+from ground.console.alarms import alarms
+from ground.console.cards import alarms_html, checks_html, flight_html, headline_html, nodes_html, target_html
+from ground.console.config import ConsoleConfig
+from ground.console.page import next_actions
+from ground.console.plot import ErrorHistory
+from ground.console.snapshot import PICTURE, STATE, STATUS, TRACK, Collector, Snapshot
+from ground.console.target import ground_point_m
+
+CONFIG = ConsoleConfig()
+MS = 1_000_000
+JPEG = b"\xff\xd8 pixels \xff\xd9"
+STATE_NOW = VehicleState(ned_p_m=(3.0, 4.0, -5.0), ned_v_m_s=(0.0, 0.0, 0.0), ned_q_body=(1.0, 0.0, 0.0, 0.0),
+                         body_rates_rad_s=(0.0, 0.0, 0.0), armed=True, in_air=True, mode="OFFBOARD",
+                         battery_fraction=0.8)
+STATUS_NOW = HelmStatus(state="hold", source="helm", reason="hovering", streaming=True, mode="OFFBOARD", armed=True,
+                        in_air=True, limiter_zone="safe", limiter_distance_m=8.0, request_age_ms=40.0)
+ALIVE = {"camera": 1, "helm": 1, "pursuit": 1}
+
+
+def snapshot(**changes: object) -> Snapshot:
+    """All well, but for the changes."""
+    status = changes.pop("status", STATUS_NOW)
+    ages = {PICTURE: 40.0, STATE: 10.0, STATUS: 100.0, TRACK: 40.0, **changes.pop("ages", {})}  # type: ignore[dict-item]
+    view = Snapshot(t_ns=0, ages_ms=ages, picture_age_ms=50.0, state=STATE_NOW, status=status,  # type: ignore[arg-type]
+                    track=Track(state="tracking"), track_age_ms=50.0, tracked_ago_ms=40.0, alive=ALIVE)
+    return replace(view, **changes)  # type: ignore[arg-type]
+
+
+def status(**changes: object) -> HelmStatus:
+    """Helm's status with other values in some fields."""
+    return msgspec.structs.replace(STATUS_NOW, **changes)
+
+
+def test_no_alarm_when_all_is_well() -> None:
+    assert alarms(snapshot(), CONFIG) == []
+    assert "All well" in headline_html([])
+
+
+@pytest.mark.parametrize(("view", "level", "words"), [
+    (snapshot(status=status(state="yielded", mode="POSCTL")), "warning", "Press Engage"),
+    (snapshot(status=status(state="failsafe", reason="telemetry stopped")), "danger", "telemetry stopped"),
+    (snapshot(status=status(state="disconnected", in_air=False)), "warning", "power"),
+    (snapshot(status=status(limiter_zone="collision", limiter_distance_m=0.6)), "danger", "0.6 m"),
+    (snapshot(status=status(limiter_zone="transition", limiter_distance_m=2.1)), "warning", "2.1 m"),
+    (snapshot(alive={**ALIVE, "helm": 2}), "danger", "2 helms"),
+    (snapshot(alive={"camera": 1, "pursuit": 1}, ages={STATUS: 4000.0}), "danger", "Helm is not running"),
+    (snapshot(ages={STATUS: 4000.0}), "danger", "No word from helm for 4 s"),
+    (snapshot(status=None, ages={STATUS: -1.0}), "warning", "No word from helm"),
+    (snapshot(ages={STATE: 900.0}), "danger", "0.9 s old"),
+    (snapshot(picture_age_ms=3200.0), "warning", "No picture for 3.2 s"),
+    (snapshot(picture_age_ms=3200.0, status=status(state="pursuit")), "danger", "No picture for 3.2 s"),
+    (snapshot(picture_age_ms=-1.0), "warning", "No picture yet"),
+    (snapshot(state=msgspec.structs.replace(STATE_NOW, battery_fraction=0.25)), "warning", "Press Return"),
+    (snapshot(state=msgspec.structs.replace(STATE_NOW, battery_fraction=0.1)), "danger", "Land now"),
+    (snapshot(alive={"camera": 1, "helm": 1}), "warning", "Node pursuit is not running"),
+    (snapshot(alive={**ALIVE, "camera": 3}), "warning", "runs 3 times"),
+    (snapshot(status=status(state="pursuit"), track=Track(state="lost"), tracked_ago_ms=2500.0), "warning",
+     "Target lost for 2.5 s"),
+    (snapshot(status=status(state="pursuit"), track=Track(state="idle")), "warning", "no target"),
+    (snapshot(status=status(state="standby", in_air=False,
+                            preflight=(PreflightItem(name="calibration", ok=False, detail="absent"),))),
+     "notice", "Not ready to fly: calibration"),
+])
+def test_each_alarm_says_what_and_what_to_do(view: Snapshot, level: str, words: str) -> None:
+    found = alarms(view, CONFIG)
+    assert len(found) == 1, found
+    assert found[0].level == level
+    assert words in f"{found[0].title} {found[0].action}"
+    assert found[0].action
+
+
+def test_worst_alarm_comes_first() -> None:
+    view = snapshot(picture_age_ms=3000.0, status=status(limiter_zone="collision", limiter_distance_m=0.5))
+    assert [a.level for a in alarms(view, CONFIG)] == ["danger", "warning"]
+    assert "collision" in headline_html(alarms(view, CONFIG))
+
+
+def test_failed_steps_of_a_node_are_a_notice() -> None:
+    health = Health(node="pursuit", pid=1, steps=9, step_ms_median=1.0, step_ms_max=2.0, input_age_ms={}, dropped={},
+                    rejected={}, errors=3, last_error="ValueError: no histogram")
+    found = alarms(snapshot(health={"pursuit": health}, ages={"health/pursuit": 500.0}), CONFIG)
+    assert [a.level for a in found] == ["notice"]
+    assert "ValueError: no histogram" in found[0].action
+
+
+def test_everything_from_outside_is_escaped() -> None:
+    evil = '<img src=x onerror="alert(1)">'
+    hostile = status(state=evil, source=evil, reason=evil, mode=evil, limiter_zone=evil,
+                     preflight=(PreflightItem(name=evil, ok=False, detail=evil),), in_air=False)
+    view = snapshot(status=hostile, track=Track(state="tracking", reason=evil), ages={"session": 1.0},
+                    session=Session(vehicle=evil, monotonic_ns=0, utc_ns=0))
+    standby = snapshot(status=msgspec.structs.replace(hostile, state="standby"))
+    pages = (flight_html(view), checks_html(view), target_html(view, 1.0, 2.0), nodes_html(view, (evil,), 20.0),
+             alarms_html(alarms(standby, CONFIG)), headline_html(alarms(standby, CONFIG)))
+    for html in pages:
+        assert "<img" not in html
+        assert re.search(r"&lt;img", html), html
+
+
+def test_old_status_is_not_shown() -> None:
+    html = flight_html(snapshot(ages={STATUS: 4000.0, STATE: 4000.0}))
+    assert "hovering" not in html
+    assert "OFFBOARD" not in html
+    assert "5.0" not in html
+
+
+def test_flight_state_in_words() -> None:
+    html = flight_html(snapshot())
+    for words in ("5.0 <i>m</i>", "80%", "in air", "5 m away", "request 40 ms old", "nearest 8.0 m"):
+        assert words in html
+
+
+@pytest.mark.parametrize(("view", "expected"), [
+    (snapshot(status=status(state="yielded")), {"Engage"}),
+    (snapshot(status=status(state="standby", in_air=False)), {"Take off"}),
+    (snapshot(), {"Start chase"}),
+    (snapshot(track=Track(state="lost")), set()),
+    (snapshot(ages={STATUS: 4000.0}), set()),
+])
+def test_next_button_is_the_one_that_leads_on(view: Snapshot, expected: set[str]) -> None:
+    assert next_actions(view) == expected
+
+
+def test_error_history_is_metres_on_the_ground_and_forgets() -> None:
+    history = ErrorHistory(30.0)
+    for second in range(40):
+        history.add(snapshot(t_ns=second * 1000 * MS, track_capture_ns=second + 1,
+                             track=Track(state="tracking", error=(0.2, -0.1))))
+    x, forward, right = history.series(39_000 * MS)
+    assert x[0] == pytest.approx(-30.0)
+    assert x[-1] == 0.0
+    assert np.allclose(forward, 1.0)  # 0.2 at 5 m
+    assert np.allclose(right, -0.5)
+
+
+def test_error_history_counts_each_estimate_once_and_only_when_tracked() -> None:
+    history = ErrorHistory(30.0)
+    history.add(snapshot(track_capture_ns=1))
+    history.add(snapshot(track_capture_ns=1))
+    history.add(snapshot(track_capture_ns=2, track=Track(state="lost")))
+    history.add(snapshot(track_capture_ns=3, ages={TRACK: 5000.0}))
+    assert len(history.series(0)[0]) == 1
+
+
+def test_ground_point_takes_attitude_out() -> None:
+    camera = CameraConfig().camera()
+    centre = Track(state="tracking", x_px=camera.cx_px, y_px=camera.cy_px)
+    level = ground_point_m(centre, camera, STATE_NOW)
+    assert level == pytest.approx([3.0, 4.0, 0.0], abs=1e-6)
+    nose_up = msgspec.structs.replace(STATE_NOW, ned_q_body=as_quat(quat_from_euler(0.0, 0.2, 0.0)))
+    point = ground_point_m(centre, camera, nose_up)
+    assert point is not None
+    assert point[0] == pytest.approx(3.0 + 5.0 * np.tan(0.2), abs=0.05)  # it looks ahead
+    assert ground_point_m(Track(state="idle"), camera, STATE_NOW) is None
+    below = msgspec.structs.replace(STATE_NOW, ned_p_m=(0.0, 0.0, 1.0))
+    assert ground_point_m(centre, camera, below) is None
+
+
+@pytest.mark.parametrize(("table", "words"), [
+    ({"picture_rate_hz": 30}, "picture_rate_hz"),
+    ({"battery_empty_fraction": 0.5, "battery_low_fraction": 0.3}, "at most battery_low_fraction"),
+    ({"essential_nodes": ["helm", "rudder"]}, "rudder"),
+    ({"host": " "}, "empty address"),
+    ({"prot": 80}, "did you mean 'port'"),
+])
+def test_bad_settings_are_refused_by_name(table: dict[str, object], words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        build(ConsoleConfig, table, "test [console]")
+
+
+class _Reader(Node):
+    """Stands for the console's input side alone."""
+
+    trigger = On((PICTURE,))
+
+    def __init__(self) -> None:
+        super().__init__(Config({}, {}), "reader")
+        self.collector = Collector(("helm",))
+        self.inputs = self.collector.inputs
+        self.view: Snapshot | None = None
+
+    def step(self, inputs: Inputs, t_ns: int) -> tuple[()]:
+        self.collector.collect(inputs)
+        self.view = self.collector.snapshot(inputs, t_ns, None)
+        return ()
+
+
+def _run() -> tuple[ScriptedRun, _Reader]:
+    node = _Reader()
+    return ScriptedRun(node), node
+
+
+def _image() -> Image:
+    return Image(camera="down", width=640, height=480, encoding="jpeg", data=JPEG)
+
+
+def test_repeated_picture_grows_old() -> None:
+    run, node = _run()
+    run.feed(PICTURE, _image(), 1000 * MS, 1010 * MS)
+    run.step(1020 * MS)
+    assert node.view is not None
+    assert node.view.picture_live
+    for t_ms in range(1060, 2060, 50):  # a frozen camera sends the same picture again and again
+        run.feed(PICTURE, _image(), 1000 * MS, t_ms * MS)
+        run.step((t_ms + 1) * MS)
+    assert node.view.picture_age_ms > 1000
+    assert not node.view.picture_live
+    assert not node.view.fresh(PICTURE)
+    assert len(node.collector.pictures) == 1
+
+
+def test_picture_that_waited_on_the_link_is_known_to_be_old() -> None:
+    run, node = _run()
+    shift = 77_000_000 * MS  # the vehicle's clock is another machine's
+    for t_ms in range(0, 4000, 20):
+        run.feed(STATE, STATE_NOW, t_ms * MS + shift, (t_ms + 3) * MS)
+        if t_ms >= 3000 and t_ms % 40 == 0:  # pictures arrive 3 s late, at a steady rate
+            run.feed(PICTURE, _image(), (t_ms - 3000) * MS + shift, t_ms * MS)
+        run.step((t_ms + 4) * MS)
+    assert node.view is not None
+    assert node.view.fresh(PICTURE)
+    assert node.view.picture_age_ms == pytest.approx(3000, abs=50)
+    assert not node.view.picture_live
+
+
+def test_state_of_a_picture_is_the_nearest_in_time() -> None:
+    run, node = _run()
+    for t_ms in range(0, 1000, 20):
+        run.feed(STATE, msgspec.structs.replace(STATE_NOW, ned_p_m=(float(t_ms), 0.0, -5.0)), t_ms * MS)
+    run.step(1000 * MS)
+    state = node.collector.state_at(505 * MS)
+    assert state is not None
+    assert state.ned_p_m[0] == 500.0
+    assert node.collector.state_at(5000 * MS) is None

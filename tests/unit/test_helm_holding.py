@@ -1,0 +1,67 @@
+"""What helm holds while it flies: distance, place, heading and height, on a point-mass vehicle."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from common.messages import Obstacle, Request
+from tests.unit.helm_double import Desk
+
+
+def _speed(desk: Desk) -> float:
+    return math.hypot(desk.vehicle.v[0], desk.vehicle.v[1])
+
+
+def test_the_limiter_stands_between_the_chase_and_an_obstacle():
+    desk = Desk().fly().chase((2.0, 0.0, 0.0))
+    for _ in range(1500):
+        distance = 12.0 - desk.vehicle.p[0]
+        desk.obstacles = [Obstacle(distance_m=max(distance, 0.0), ned_direction=(1.0, 0.0, 0.0))]
+        desk.step()
+        assert distance > 0.8
+    assert distance == pytest.approx(1.5, abs=0.3)
+    assert desk.setpoints[-1].source == "pursuit"
+    assert desk.status and desk.status.limiter_zone == "transition"
+
+
+def test_obstacle_data_that_stops_stops_the_vehicle():
+    desk = Desk().fly().chase((1.0, 0.0, 0.0))
+    desk.obstacles = []
+    desk.go(2.0)
+    assert desk.vehicle.v[0] > 0.9
+    desk.obstacles = None
+    desk.go(3.0)
+    assert _speed(desk) < 0.05
+    assert desk.status and desk.status.limiter_zone == "blind"
+
+
+def test_a_climb_towards_an_obstacle_above_is_limited_too():
+    desk = Desk().fly()
+    desk.operator = Request(frame="ned", vector=(0.0, 0.0, -1.0))
+    for _ in range(600):
+        desk.obstacles = [Obstacle(distance_m=max(8.0 - desk.vehicle.height_m, 0.0), ned_direction=(0.0, 0.0, -1.0))]
+        desk.step()
+    assert desk.vehicle.height_m == pytest.approx(6.5, abs=0.3)
+
+
+def test_hover_holds_its_place_against_a_push():
+    desk = Desk().fly()
+    anchor = list(desk.vehicle.p)
+    desk.vehicle.p[0] += 1.5
+    desk.go(8.0)
+    assert desk.vehicle.p[:2] == pytest.approx(anchor[:2], abs=0.2)
+
+
+def test_the_heading_follows_the_requested_rate_and_is_held():
+    desk = Desk().fly()
+    desk.operator = Request(frame="ned", vector=(0.0, 0.0, 0.0), yaw_rate_rad_s=0.5)
+    desk.go(2.0)
+    desk.operator = None
+    desk.go(3.0)
+    assert desk.vehicle.yaw == pytest.approx(1.0 + 0.5 * 0.3, abs=0.3)
+    held = desk.vehicle.yaw
+    desk.vehicle.yaw += 0.2
+    desk.go(8.0)
+    assert desk.vehicle.yaw == pytest.approx(held, abs=0.05)

@@ -1,0 +1,134 @@
+"""The pursuit node with scripted pictures and states."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from common.config import Config
+from common.geometry.config import CameraConfig
+from common.messages import Command, Image, Request, Track, VehicleState
+from common.node import Output, ScriptedRun
+from ground.pursuit.node import PursuitNode
+from tests.unit.tracking_scene import Scene, straight
+
+SECTIONS = {
+    "pursuit": "ground.pursuit.config:PursuitConfig",
+    "tracker": "common.tracking.config:ParticleFilterConfig",
+}
+MS = 1_000_000
+
+
+def _jpeg(frame: np.ndarray) -> Image:
+    data = cv2.imencode(".jpg", frame)[1].tobytes()
+    return Image(camera="down", width=frame.shape[1], height=frame.shape[0], encoding="jpeg", data=data)
+
+
+def _state() -> VehicleState:
+    return VehicleState(
+        ned_p_m=(0.0, 0.0, -5.0),
+        ned_v_m_s=(0.0, 0.0, 0.0),
+        ned_q_body=(1.0, 0.0, 0.0, 0.0),
+        body_rates_rad_s=(0.0, 0.0, 0.0),
+        armed=True,
+        in_air=True,
+        mode="OFFBOARD",
+        battery_fraction=0.9,
+    )
+
+
+class Scripted:
+    """A node, its pictures, and the time."""
+
+    def __init__(self, with_state: bool = True):
+        self.run = ScriptedRun(PursuitNode(Config({}, SECTIONS), "pursuit"))
+        self.frames = iter(Scene(straight(60.0, y_px=180.0, start_px=300.0), seed=2).frames(5.0))
+        self.with_state = with_state
+        self.now_ns = 10_000 * MS
+        self.box = (0.0, 0.0, 0.0, 0.0)
+        self.run.feed("camera/down/info", CameraConfig().camera().info("down"), self.now_ns)
+
+    def picture(self, data: bytes | None = None) -> dict[str, Output]:
+        """Outputs of the next picture, by topic."""
+        self.now_ns += 50 * MS
+        _, frame, pose = next(self.frames)
+        self.box = pose.box()
+        if self.with_state:
+            self.run.feed("helm/state", _state(), self.now_ns - 5 * MS)
+        image = _jpeg(frame)
+        if data is not None:
+            image = Image(camera="down", width=640, height=480, encoding="jpeg", data=data)
+        self.run.feed("camera/down/jpeg", image, self.now_ns)
+        return {o.topic: o for o in self.run.step(self.now_ns + 2 * MS)}
+
+    def do(self, name: str, command: Command) -> str:
+        """Outcome of a command, with its reason."""
+        call, _ = self.run.call(name, command, self.now_ns + 3 * MS)
+        assert call.answer is not None
+        return f"{call.answer.outcome}: {call.answer.reason}"
+
+
+def _track(outputs: dict[str, Output]) -> Track:
+    message = outputs["pursuit/track"].message
+    assert isinstance(message, Track)
+    return message
+
+
+def test_idle_until_a_target_is_chosen() -> None:
+    scripted = Scripted()
+    outputs = scripted.picture()
+    assert _track(outputs).state == "idle"
+    assert "helm/request/pursuit" not in outputs
+
+
+def test_chosen_target_is_tracked_and_asked_for() -> None:
+    scripted = Scripted()
+    scripted.picture()
+    assert scripted.do("pursuit/do/select", Command(box_px=scripted.box)) == "done: "
+    for _ in range(15):
+        outputs = scripted.picture()
+    track, request = _track(outputs), outputs["helm/request/pursuit"]
+    assert track.state == "tracking"
+    assert abs(track.x_px - (scripted.box[0] + 48)) < 6
+    assert track.error[0] > 0.0  # above the picture's middle is ahead
+    assert isinstance(request.message, Request)
+    assert request.message.vector[0] > 0.1
+    assert request.message.vector[1] > 0.1
+    assert request.capture_ns == scripted.now_ns
+
+
+def test_without_vehicle_state_it_tracks_and_asks_for_nothing() -> None:
+    scripted = Scripted(with_state=False)
+    scripted.picture()
+    scripted.do("pursuit/do/select", Command(box_px=scripted.box))
+    outputs = scripted.picture()
+    assert _track(outputs).state == "tracking"
+    assert _track(outputs).reason == "no vehicle state"
+    assert "helm/request/pursuit" not in outputs
+
+
+def test_corrupt_picture_is_counted_and_skipped() -> None:
+    scripted = Scripted()
+    scripted.picture()
+    scripted.do("pursuit/do/select", Command(box_px=scripted.box))
+    assert scripted.picture(b"\xff\xd8 broken \xff\xd9") == {}
+    assert scripted.run.node.metrics()["corrupt_pictures"] == 1
+    assert _track(scripted.picture()).state == "tracking"
+
+
+def test_stop_forgets_the_target() -> None:
+    scripted = Scripted()
+    scripted.picture()
+    scripted.do("pursuit/do/select", Command(box_px=scripted.box))
+    assert scripted.do("pursuit/do/stop", Command()) == "done: "
+    assert _track(scripted.picture()).state == "idle"
+
+
+def test_bad_boxes_are_refused_with_the_reason() -> None:
+    scripted = Scripted()
+    assert "no picture has come yet" in scripted.do("pursuit/do/select", Command(box_px=(1.0, 1.0, 20.0, 20.0)))
+    scripted.picture()
+    assert "got no box" in scripted.do("pursuit/do/select", Command())
+    assert scripted.do("pursuit/do/select", Command(box_px=(900.0, 10.0, 50.0, 50.0))).startswith(
+        "refused: select: box"
+    )

@@ -1,0 +1,159 @@
+"""The colour particle filter on synthetic pictures with exact truth: motion, faults, loss and recovery, bad input."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from common.tracking.base import TrackResult
+from common.tracking.config import ParticleFilterConfig
+from common.tracking.particle_filter import (
+    ParticleFilterTracker,
+    expected_state,
+    likelihood_weights,
+    systematic_resample,
+)
+from common.tracking.registry import tracker_class
+from tests.unit.tracking_scene import Pose, Scene, car_picture, paint, straight, winding
+
+
+def _run(scene: Scene, duration_s: float, seed: int = 1) -> list[tuple[float, TrackResult, Pose]]:
+    """Time, result and truth of each picture after the first, on which the box is given."""
+    tracker = ParticleFilterTracker(ParticleFilterConfig(), np.random.default_rng(seed))
+    out = []
+    for index, (t_ns, frame, pose) in enumerate(scene.frames(duration_s)):
+        if index == 0:
+            tracker.init(frame, pose.box(), pose.angle_rad, t_ns)
+        else:
+            out.append((t_ns / 1e9, tracker.update(frame, t_ns), pose))
+    return out
+
+
+def _errors_px(results: list[tuple[float, TrackResult, Pose]]) -> np.ndarray:
+    return np.array([math.dist(r.center_px, (p.x_px, p.y_px)) for _, r, p in results])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_turning_and_growing_car_is_followed(seed: int) -> None:
+    results = _run(Scene(winding(), seed=seed), 8.0, seed)
+    assert np.median(_errors_px(results)) < 6.0
+    assert all(r.state == "tracking" for _, r, _ in results)
+    turns = [abs(math.remainder(r.angle_rad - p.angle_rad, 2 * math.pi)) for _, r, p in results]
+    assert np.median(turns) < 0.2
+    sizes = [r.size_px[0] / (96 * p.scale) for _, r, p in results]
+    assert np.median(np.abs(np.log(sizes))) < 0.12
+
+
+def test_full_occlusion_is_noticed_and_overcome() -> None:
+    def bridge(frame: np.ndarray, t_s: float) -> None:
+        frame[:, 300:420] = (90, 90, 90)
+
+    # 96 px of car behind 120 px at 150 px/s: wholly hidden for a moment, half hidden for a second.
+    results = _run(Scene(straight(150.0), seed=5, decorate=bridge), 3.4)
+    hidden = [r.state for t, r, p in results if 352 < p.x_px < 368]
+    assert "predicted" in hidden or "lost" in hidden
+    after = [(t, r, p) for t, r, p in results if p.x_px > 500]
+    assert all(r.state == "tracking" for _, r, _ in after[3:])
+    assert np.median(_errors_px(after)) < 8.0
+
+
+@pytest.mark.slow
+def test_block_noise_and_a_frozen_picture_do_not_lose_the_target() -> None:
+    rng = np.random.default_rng(9)
+
+    def blocks(frame: np.ndarray, t_s: float) -> None:
+        for _ in range(6):
+            x, y = int(rng.integers(0, 600)), int(rng.integers(0, 440))
+            frame[y : y + 32, x : x + 48] = rng.integers(0, 255, 3)
+
+    tracker = ParticleFilterTracker(ParticleFilterConfig(), np.random.default_rng(1))
+    frozen, last = None, None
+    for index, (t_ns, frame, pose) in enumerate(Scene(winding(80.0), seed=4, decorate=blocks).frames(6.0)):
+        if index == 0:
+            tracker.init(frame, pose.box(), pose.angle_rad, t_ns)
+            continue
+        if index == 60:
+            frozen = frame
+        shown = frozen if frozen is not None and index < 66 else frame
+        result = tracker.update(shown, t_ns)
+        assert result.repeated == (60 < index < 66)
+        last = (t_ns / 1e9, result, pose)
+    assert last is not None
+    assert last[1].state == "tracking"
+    assert _errors_px([last])[0] < 10.0
+
+
+@pytest.mark.slow
+def test_slow_light_change_is_followed() -> None:
+    results = _run(Scene(winding(80.0), seed=6, gain=lambda t_s: 1.0 - 0.35 * min(1.0, t_s / 5.0)), 7.0)
+    assert results[-1][1].state == "tracking"
+    assert np.median(_errors_px(results[-40:])) < 8.0
+
+
+def test_look_alike_beside_the_path_does_not_take_over() -> None:
+    other = car_picture((60, 60, 170))
+
+    def parked(frame: np.ndarray, t_s: float) -> None:
+        paint(frame, other, Pose(330.0, 150.0))
+
+    results = _run(Scene(straight(120.0), seed=7, decorate=parked), 3.5)
+    assert np.max(_errors_px(results[10:])) < 20.0
+
+
+@pytest.mark.slow
+def test_target_that_leaves_is_lost() -> None:
+    results = _run(Scene(lambda t_s: Pose(400.0 + 200.0 * t_s, 240.0), seed=8), 6.0)
+    assert results[-1][1].state == "lost"
+
+
+def test_same_seed_same_track() -> None:
+    first, second = (_run(Scene(winding(), seed=1), 2.0, seed=5) for _ in range(2))
+    assert [r for _, r, _ in first] == [r for _, r, _ in second]
+
+
+def test_weights_sum_to_one_and_prefer_the_nearest() -> None:
+    weights = likelihood_weights(np.array([0.2, 0.4, 0.9]), 20.0)
+    assert weights.sum() == pytest.approx(1.0)
+    assert weights[0] / weights[1] == pytest.approx(math.exp(-20.0 * (0.04 - 0.16)))
+
+
+def test_resampling_draws_in_proportion() -> None:
+    drawn = systematic_resample(np.array([0.5, 0.25, 0.25, 0.0]), 0.3)
+    assert np.bincount(drawn, minlength=4).tolist() == [2, 1, 1, 0]
+
+
+def test_mean_angle_is_circular() -> None:
+    states = np.array([[0, 0, math.pi - 0.1, 1.0], [0, 0, -math.pi + 0.1, 1.0]])
+    mean, deviation = expected_state(states, np.array([0.5, 0.5]))
+    assert abs(math.remainder(mean[2] - math.pi, 2 * math.pi)) < 1e-9
+    assert deviation == pytest.approx(0.1, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("box", "words"),
+    [
+        ((10.0, 10.0, 0.0, 40.0), "sides of at least"),
+        ((700.0, 10.0, 50.0, 40.0), "expected most of it"),
+        ((float("nan"), 10.0, 50.0, 40.0), "finite"),
+    ],
+)
+def test_bad_box_is_refused(box: tuple[float, float, float, float], words: str) -> None:
+    tracker = ParticleFilterTracker(ParticleFilterConfig(), np.random.default_rng(1))
+    with pytest.raises(ValueError, match=words):
+        tracker.init(np.zeros((480, 640, 3), np.uint8), box)
+
+
+def test_changed_picture_size_is_refused() -> None:
+    _, frame, pose = next(iter(Scene(straight(100.0, start_px=300.0)).frames(0.1)))
+    tracker = ParticleFilterTracker(ParticleFilterConfig(), np.random.default_rng(1))
+    tracker.init(frame, pose.box(), 0.0, 0)
+    with pytest.raises(ValueError, match="320x240"):
+        tracker.update(np.zeros((240, 320, 3), np.uint8), 50_000_000)
+
+
+def test_unknown_tracker_names_the_right_ones() -> None:
+    with pytest.raises(ValueError, match="particle_filter"):
+        tracker_class("partical_filter")
