@@ -3,7 +3,7 @@
 #   make demo     the whole system on this machine: http://localhost:8080
 #   make test     every test
 #   make fast     unit and property tests, under a minute
-#   make lint     ruff and pyright
+#   make lint     ruff (rules and format) and pyright
 #   make format   sort imports and format
 #   make bench    the benchmarks
 #   make clean    remove what was built and installed here
@@ -39,6 +39,7 @@ fast: .venv/.ready-dev
 
 lint: .venv/.ready-dev
 	$(PYTHON) -m ruff check .
+	$(PYTHON) -m ruff format --check .
 	PYRIGHT_PYTHON_IGNORE_WARNINGS=1 $(PYTHON) -m pyright
 
 format: .venv/.ready-dev

@@ -99,8 +99,9 @@ class Camera:
     def rays(self, pixels: ArrayLike) -> Array:
         """Optical rays (N, 3) with z = 1 through pixels (N, 2), distortion removed."""
         points = np.asarray(pixels, dtype=float).reshape(-1, 1, 2)
-        normalised = cv2.undistortPoints(points, self.matrix, np.array(self.distortion),
-                                         criteria=_UNDISTORT).reshape(-1, 2)
+        normalised = cv2.undistortPoints(points, self.matrix, np.array(self.distortion), criteria=_UNDISTORT).reshape(
+            -1, 2
+        )
         return np.column_stack((normalised, np.ones(len(normalised)))).astype(np.float64)
 
 

@@ -32,8 +32,15 @@ def alarms(view: Snapshot, config: ConsoleConfig) -> list[Alarm]:
         view: what the console knows.
         config: thresholds and essential nodes.
     """
-    found = [*_helm(view), *_limiter(view), *_battery(view, config), *_picture(view, config), *_nodes(view, config),
-             *_target(view), *_ground(view)]
+    found = [
+        *_helm(view),
+        *_limiter(view),
+        *_battery(view, config),
+        *_picture(view, config),
+        *_nodes(view, config),
+        *_target(view),
+        *_ground(view),
+    ]
     return sorted(found, key=lambda alarm: _ORDER[alarm.level])
 
 
@@ -45,21 +52,33 @@ def _helm(view: Snapshot) -> Iterator[Alarm]:
         gone = view.alive is not None and "helm" not in view.alive
         since = "" if status is None else f" for {view.age_ms(STATUS) / 1000:.0f} s"
         title = "Helm is not running" if gone else f"No word from helm{since}"
-        advice = ("Take over with the pilot's remote; start the onboard side again." if status is not None and
-                  (status.in_air or status.armed) else "Start the onboard side, or check the radio link.")
+        advice = (
+            "Take over with the pilot's remote; start the onboard side again."
+            if status is not None and (status.in_air or status.armed)
+            else "Start the onboard side, or check the radio link."
+        )
         yield Alarm("danger" if status is not None or gone else "warning", title, advice)
         return
     if status.state == "yielded":
-        yield Alarm("warning", f"Another pilot has the stick ({status.mode or 'mode unknown'})",
-                    "Press Engage to take the stick again.")
+        yield Alarm(
+            "warning",
+            f"Another pilot has the stick ({status.mode or 'mode unknown'})",
+            "Press Engage to take the stick again.",
+        )
     elif status.state == "failsafe":
-        yield Alarm("danger", "Failsafe", _sentence(status.reason, "The autopilot acts on its own; be ready to take "
-                                                                   "over with the pilot's remote."))
+        yield Alarm(
+            "danger",
+            "Failsafe",
+            _sentence(status.reason, "The autopilot acts on its own; be ready to take over with the pilot's remote."),
+        )
     elif status.state == "disconnected":
         yield Alarm("warning", "No autopilot", "Check the autopilot's power and its cable.")
     elif view.state is not None and not view.fresh(STATE):
-        yield Alarm("danger", f"Flight data are {view.age_ms(STATE) / 1000:.1f} s old",
-                    "Do not trust height and position; press Hold.")
+        yield Alarm(
+            "danger",
+            f"Flight data are {view.age_ms(STATE) / 1000:.1f} s old",
+            "Do not trust height and position; press Hold.",
+        )
 
 
 def _limiter(view: Snapshot) -> Iterator[Alarm]:
@@ -68,8 +87,11 @@ def _limiter(view: Snapshot) -> Iterator[Alarm]:
         return
     distance = f"{status.limiter_distance_m:.1f} m" if status.limiter_distance_m >= 0 else "distance unknown"
     if status.limiter_zone == "collision":
-        yield Alarm("danger", f"Obstacle at {distance}: collision zone", "The limiter pushes away. Press Hold; do not "
-                                                                         "press Land or Return before it is clear.")
+        yield Alarm(
+            "danger",
+            f"Obstacle at {distance}: collision zone",
+            "The limiter pushes away. Press Hold; do not press Land or Return before it is clear.",
+        )
     elif status.limiter_zone == "transition":
         yield Alarm("warning", f"Obstacle at {distance}", "The limiter slows the vehicle; choose another way.")
 
@@ -81,8 +103,11 @@ def _battery(view: Snapshot, config: ConsoleConfig) -> Iterator[Alarm]:
     if state.battery_fraction < config.battery_empty_fraction:
         yield Alarm("danger", f"Battery {state.battery_fraction:.0%}", "Land now." if state.in_air else "Charge it.")
     elif state.battery_fraction < config.battery_low_fraction:
-        yield Alarm("warning", f"Battery {state.battery_fraction:.0%}",
-                    "Press Return." if state.in_air else "Charge it before the flight.")
+        yield Alarm(
+            "warning",
+            f"Battery {state.battery_fraction:.0%}",
+            "Press Return." if state.in_air else "Charge it before the flight.",
+        )
 
 
 def _picture(view: Snapshot, config: ConsoleConfig) -> Iterator[Alarm]:
@@ -90,8 +115,11 @@ def _picture(view: Snapshot, config: ConsoleConfig) -> Iterator[Alarm]:
     if age_ms < 0:
         yield Alarm("warning", "No picture yet", "Check the camera node and the radio link.")
     elif age_ms > config.picture_age_alarm_ms:
-        yield Alarm("danger" if view.chasing else "warning", f"No picture for {age_ms / 1000:.1f} s",
-                    "Choose no target. Press Hold if it stays; check the camera node and the radio link.")
+        yield Alarm(
+            "danger" if view.chasing else "warning",
+            f"No picture for {age_ms / 1000:.1f} s",
+            "Choose no target. Press Hold if it stays; check the camera node and the radio link.",
+        )
 
 
 def _nodes(view: Snapshot, config: ConsoleConfig) -> Iterator[Alarm]:
@@ -99,15 +127,19 @@ def _nodes(view: Snapshot, config: ConsoleConfig) -> Iterator[Alarm]:
         return
     for name in config.essential_nodes:
         if name not in view.alive and name != "helm":
-            yield Alarm("warning", f"Node {name} is not running", f"It should come back by itself; else start "
-                                                                  f"`outrider node {name}`.")
+            yield Alarm(
+                "warning",
+                f"Node {name} is not running",
+                f"It should come back by itself; else start `outrider node {name}`.",
+            )
     for name in config.nodes:
         if view.alive.get(name, 0) > 1 and name != "helm":
             yield Alarm("warning", f"Node {name} runs {view.alive[name]} times", "Stop all but one.")
     for name, health in view.health.items():
         if health.errors and view.fresh(f"health/{name}"):
-            yield Alarm("notice", f"Node {name}: {health.errors} failed steps",
-                        _sentence(health.last_error, "See its log."))
+            yield Alarm(
+                "notice", f"Node {name}: {health.errors} failed steps", _sentence(health.last_error, "See its log.")
+            )
 
 
 def _target(view: Snapshot) -> Iterator[Alarm]:
@@ -127,8 +159,9 @@ def _ground(view: Snapshot) -> Iterator[Alarm]:
     failing = [item for item in status.preflight if not item.ok]
     if failing:
         more = f" (and {len(failing) - 1} more, see Checks)" if len(failing) > 1 else ""
-        yield Alarm("notice", f"Not ready to fly: {failing[0].name}",
-                    _sentence(failing[0].detail, "See Checks.") + more)
+        yield Alarm(
+            "notice", f"Not ready to fly: {failing[0].name}", _sentence(failing[0].detail, "See Checks.") + more
+        )
 
 
 def _sentence(text: str, otherwise: str) -> str:

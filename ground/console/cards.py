@@ -48,9 +48,11 @@ def flight_html(view: Snapshot) -> str:
         helm, mode = status.state.replace("_", " "), status.mode or "—"
         flying = _STATE_CLASS.get(status.state, "")
         air = "in air" if status.in_air else ("armed" if status.armed else "disarmed")
-    pills = (f'<div class="pill {flying}"><small>helm</small>{escape(helm)}</div>'
-             f'<div class="pill"><small>mode</small>{escape(mode)}</div>'
-             f'<div class="pill {"o" if air == "armed" else ""}"><small>motors</small>{escape(air)}</div>')
+    pills = (
+        f'<div class="pill {flying}"><small>helm</small>{escape(helm)}</div>'
+        f'<div class="pill"><small>mode</small>{escape(mode)}</div>'
+        f'<div class="pill {"o" if air == "armed" else ""}"><small>motors</small>{escape(air)}</div>'
+    )
     return card(f'<div class="top">{pills}</div>{_figures(view)}{_helm_rows(view)}')
 
 
@@ -60,8 +62,12 @@ def _figures(view: Snapshot) -> str:
         s = view.state
         yaw = math.degrees(euler_from_quat(s.ned_q_body)[2]) % 360
         speed = math.hypot(*s.ned_v_m_s[:2])
-        values = [f"{-s.ned_p_m[2]:.1f} <i>m</i>", f"{speed:.1f} <i>m/s</i>", f"{yaw:03.0f}°",
-                  f"{s.battery_fraction:.0%}" if s.battery_fraction >= 0 else "—"]
+        values = [
+            f"{-s.ned_p_m[2]:.1f} <i>m</i>",
+            f"{speed:.1f} <i>m/s</i>",
+            f"{yaw:03.0f}°",
+            f"{s.battery_fraction:.0%}" if s.battery_fraction >= 0 else "—",
+        ]
     names = ("height", "speed", "heading", "battery")
     cells = "".join(f"<div><small>{n}</small>{v}</div>" for n, v in zip(names, values, strict=True))
     return f'<div class="fig">{cells}</div>'
@@ -79,8 +85,12 @@ def _helm_rows(view: Snapshot) -> str:
         limiter = f'<b class="{_ZONE_CLASS.get(status.limiter_zone, "")}">{escape(status.limiter_zone)}</b>{distance}'
     if view.state is not None and view.fresh(STATE):
         home = f"{math.hypot(*view.state.ned_p_m[:2]):.0f} m away"
-    return (f'<div class="why two" title="{escape(reason)}">{escape(reason)}</div>'
-            + row("Commanded by", source) + row("Limiter", limiter) + row("Home", home))
+    return (
+        f'<div class="why two" title="{escape(reason)}">{escape(reason)}</div>'
+        + row("Commanded by", source)
+        + row("Limiter", limiter)
+        + row("Home", home)
+    )
 
 
 def row(name: str, value: str) -> str:
@@ -112,8 +122,10 @@ def target_html(view: Snapshot, forward_m: float | None, right_m: float | None) 
 
 def where(forward_m: float, right_m: float) -> str:
     """A place seen from the vehicle, in words."""
-    return (f"{abs(forward_m):.2f} m {'ahead' if forward_m >= 0 else 'behind'}, "
-            f"{abs(right_m):.2f} m {'right' if right_m >= 0 else 'left'}")
+    return (
+        f"{abs(forward_m):.2f} m {'ahead' if forward_m >= 0 else 'behind'}, "
+        f"{abs(right_m):.2f} m {'right' if right_m >= 0 else 'left'}"
+    )
 
 
 def checks_html(view: Snapshot) -> str:
@@ -124,8 +136,9 @@ def checks_html(view: Snapshot) -> str:
     items = []
     for item in sorted(status.preflight, key=lambda i: i.ok):
         mark = '<b class="g">✓</b>' if item.ok else '<b class="r">✗</b>'
-        items.append(f'<div class="ck">{mark}<span>{escape(item.name)}</span><small>{escape(item.detail)}</small>'
-                     '</div>')
+        items.append(
+            f'<div class="ck">{mark}<span>{escape(item.name)}</span><small>{escape(item.detail)}</small></div>'
+        )
     old = "" if view.fresh(STATUS) else '<div class="why o">This list is old: no word from helm.</div>'
     return card(old + "".join(items))
 
@@ -137,15 +150,18 @@ def nodes_html(view: Snapshot, nodes: tuple[str, ...], picture_rate_hz: float) -
     for name in nodes:
         count = None if view.alive is None else view.alive.get(name, 0)
         dot = {None: '<b class="d">?</b>', 0: '<b class="r">●</b>', 1: '<b class="g">●</b>'}.get(
-            count, f'<b class="o">×{count}</b>')
+            count, f'<b class="o">×{count}</b>'
+        )
         health = view.health.get(name)
         if health is None or not view.fresh(health_topic(name).name):
             lines.append(f'<tr><td>{dot} {escape(name)}</td><td class="d" colspan="4">no health</td></tr>')
             continue
         errors = f'<b class="r">{health.errors}</b>' if health.errors else "0"
-        lines.append(f"<tr><td>{dot} {escape(name)}</td><td>{health.step_ms_median:.1f} / {health.step_ms_max:.0f}</td>"
-                     f"<td>{errors}</td><td>{sum(health.rejected.values())}</td><td>{sum(health.dropped.values())}</td>"
-                     f"</tr>")
+        lines.append(
+            f"<tr><td>{dot} {escape(name)}</td><td>{health.step_ms_median:.1f} / {health.step_ms_max:.0f}</td>"
+            f"<td>{errors}</td><td>{sum(health.rejected.values())}</td><td>{sum(health.dropped.values())}</td>"
+            f"</tr>"
+        )
     ages = ["<tr><th>input</th><th>age</th><th>limit</th></tr>"]
     for name in TOPICS:
         age, limit = view.age_ms(name), topic(name).max_age_ms
@@ -183,6 +199,6 @@ def _command(last: LastCommand, t_ns: int) -> str:
     word = "…" if last.outcome == "running" else last.outcome
     reason = f"<br>{escape(last.reason)}" if last.reason else ""
     ago = max(0, (t_ns - last.t_ns) // 1_000_000_000)
-    return (f'<div class="last {look}"><small>{ago} s ago</small><b>{escape(last.label)}</b>: '
-            f'{escape(word)}{reason}</div>')
-
+    return (
+        f'<div class="last {look}"><small>{ago} s ago</small><b>{escape(last.label)}</b>: {escape(word)}{reason}</div>'
+    )

@@ -103,8 +103,12 @@ class Commander:
             number = self._count
         given = LastCommand(action.label, "running", "", time.monotonic_ns())
         self._note(number, given)
-        threading.Thread(target=self._run, args=(action, argument, report, number, given),
-                         name=f"command {action.label}", daemon=True).start()
+        threading.Thread(
+            target=self._run,
+            args=(action, argument, report, number, given),
+            name=f"command {action.label}",
+            daemon=True,
+        ).start()
         return True
 
     def refuse(self, action: Action, reason: str, report: Callable[[LastCommand], None]) -> None:
@@ -116,8 +120,9 @@ class Commander:
         self._note(number, refused)
         report(refused)
 
-    def _run(self, action: Action, argument: Command, report: Callable[[LastCommand], None], number: int,
-             given: LastCommand) -> None:
+    def _run(
+        self, action: Action, argument: Command, report: Callable[[LastCommand], None], number: int, given: LastCommand
+    ) -> None:
         try:
             _quietly(report, given)
             outcome, reason = self._ask(action, argument)

@@ -42,8 +42,10 @@ class ConsoleConfig(Section, frozen=True, kw_only=True):
         if not self.host.strip():
             raise ConfigError("host: got an empty address, expected one such as 127.0.0.1")
         if self.battery_empty_fraction > self.battery_low_fraction:
-            raise ConfigError(f"battery_empty_fraction: got {self.battery_empty_fraction}, expected at most "
-                              f"battery_low_fraction = {self.battery_low_fraction}")
+            raise ConfigError(
+                f"battery_empty_fraction: got {self.battery_empty_fraction}, expected at most "
+                f"battery_low_fraction = {self.battery_low_fraction}"
+            )
         for name in self.nodes:
             if not name or "/" in name:
                 raise ConfigError(f"nodes: got {name!r}, expected names without '/'")

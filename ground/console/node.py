@@ -49,8 +49,10 @@ class ConsoleNode(Node):
         self._page = Page(self._server, settings, self._commander)
         self._scene = SceneView(self._server, settings)
         self._board = PictureBoard(
-            settings, on_box=lambda client, command: self._page.notify(client, SELECT, command),
-            on_refusal=lambda client, reason: self._page.refuse(client, SELECT, reason))
+            settings,
+            on_box=lambda client, command: self._page.notify(client, SELECT, command),
+            on_refusal=lambda client, reason: self._page.refuse(client, SELECT, reason),
+        )
         self._watch = LifeWatch(lambda: self.alive(), wanted=lambda: bool(self._board.viewers))
         self._server.on_client_connect(self._welcome)
         self._server.on_client_disconnect(self._board.remove)
@@ -101,4 +103,3 @@ class ConsoleNode(Node):
             else:
                 self._board.show_picture(viewer)
                 button.label, button.icon = "Show 3-D view", viser.Icon.CUBE
-

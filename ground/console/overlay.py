@@ -47,15 +47,17 @@ class Letterbox:
         aspect = min(max(aspect, _ASPECT_RANGE[0]), _ASPECT_RANGE[1])
         width = max(picture_width, round(picture_height * aspect))
         height = max(picture_height, round(picture_width / aspect))
-        return cls(width, height, (width - picture_width) // 2, (height - picture_height) // 2, picture_width,
-                   picture_height)
+        return cls(
+            width, height, (width - picture_width) // 2, (height - picture_height) // 2, picture_width, picture_height
+        )
 
     def to_picture(self, u: float, v: float) -> tuple[float, float]:
         """Picture position (x, y), px, of a canvas position in 0..1; outside the picture it is out of its range."""
         return u * self.width - self.left, v * self.height - self.top
 
-    def box(self, corner_min: tuple[float, float],
-            corner_max: tuple[float, float]) -> tuple[float, float, float, float] | None:
+    def box(
+        self, corner_min: tuple[float, float], corner_max: tuple[float, float]
+    ) -> tuple[float, float, float, float] | None:
         """Box (x, y, width, height) in the picture, px, of two canvas corners in 0..1, cut at the picture's edge.
 
         Returns:
@@ -125,8 +127,9 @@ class Painter:
         _shade(picture, 0, middle - 42, width, 84, 0.55)
         lines = ((title, 34, 800, middle + 2, ORANGE), (detail, 16, 500, middle + 28, WHITE))
         for text, size, weight, y, colour in lines:
-            cv2.putText(picture, text, ((width - self._width(text, size, weight)) // 2, y), colour, self._font, size,
-                        weight)
+            cv2.putText(
+                picture, text, ((width - self._width(text, size, weight)) // 2, y), colour, self._font, size, weight
+            )
 
     def _width(self, text: str, size: int, weight: int) -> int:
         return cv2.getTextSize((1, 1), text, (0, 0), self._font, size, weight)[2]
@@ -142,8 +145,15 @@ class Painter:
 
 def on_canvas(picture: Pixels, box: Letterbox) -> Pixels:
     """The picture (H, W, 3) on its canvas."""
-    canvas = cv2.copyMakeBorder(picture, box.top, box.height - box.top - box.picture_height, box.left,
-                                box.width - box.left - box.picture_width, cv2.BORDER_CONSTANT, value=_FRAME)
+    canvas = cv2.copyMakeBorder(
+        picture,
+        box.top,
+        box.height - box.top - box.picture_height,
+        box.left,
+        box.width - box.left - box.picture_width,
+        cv2.BORDER_CONSTANT,
+        value=_FRAME,
+    )
     return np.asarray(canvas, np.uint8)
 
 
@@ -180,5 +190,5 @@ def _int(point: NDArray[np.float64]) -> tuple[int, int]:
 
 def _shade(picture: Pixels, x: int, y: int, width: int, height: int, strength: float) -> None:
     """Darken a rectangle so that text on it can be read on any ground."""
-    area = picture[max(0, y):y + height, max(0, x):x + width]
+    area = picture[max(0, y) : y + height, max(0, x) : x + width]
     cv2.convertScaleAbs(area, area, 1.0 - strength, 0)

@@ -43,7 +43,10 @@ _HOLD_COLOUR = (201, 108, 0)
 _NEXT_COLOUR = (31, 122, 68)
 _TAKEN_COLOUR = (176, 96, 0)
 _NOTE_COLOUR: dict[str, Literal["blue", "green", "orange", "red"]] = {
-    "running": "blue", "done": "green", "refused": "orange", "failed": "red",
+    "running": "blue",
+    "done": "green",
+    "refused": "orange",
+    "failed": "red",
 }
 _NOTE_S = {"done": 3.0, "refused": 8.0, "failed": 12.0}
 
@@ -105,8 +108,9 @@ class Page:
         buttons = gui.add_folder(None)
         with buttons:
             self._buttons = {action.label: self._add_button(gui, action) for action in BUTTONS}
-        self._height = gui.add_slider("Take-off height, m", min=1.0, max=30.0, step=0.5,
-                                      initial_value=config.takeoff_height_m)
+        self._height = gui.add_slider(
+            "Take-off height, m", min=1.0, max=30.0, step=0.5, initial_value=config.takeoff_height_m
+        )
         last_text = gui.add_html(last_html(None, 0))
         tabs = gui.add_tab_group()
         with tabs.add_tab("Target"):
@@ -118,8 +122,17 @@ class Page:
             nodes_text = gui.add_html("")
         with tabs.add_tab("Log"):
             log_text = gui.add_html("")
-        self._texts = Texts(headline, alarm_text, flight_text, last_text, target_text, checks_text, nodes_text,
-                            log_text, watchdog=gui.add_html(""))
+        self._texts = Texts(
+            headline,
+            alarm_text,
+            flight_text,
+            last_text,
+            target_text,
+            checks_text,
+            nodes_text,
+            log_text,
+            watchdog=gui.add_html(""),
+        )
         style.content = style_html({self._buttons[a.label]._impl.uuid: a.look for a in BUTTONS}, _WIDTH_PX)
 
     def add_view_button(self, client: viser.ClientHandle) -> viser.GuiButtonHandle:
@@ -150,8 +163,10 @@ class Page:
                 # Replaced every second, this element never gets to the end of its animation; when the console dies,
                 # it does, and says so over a picture that would otherwise look alive.
                 self._beat += 1
-                texts.watchdog.content = (f'<div class="or-gone" data-beat="{self._beat}">NO CONNECTION TO THE CONSOLE'
-                                          f': what you see is old</div>')
+                texts.watchdog.content = (
+                    f'<div class="or-gone" data-beat="{self._beat}">NO CONNECTION TO THE CONSOLE'
+                    f": what you see is old</div>"
+                )
 
     def notify(self, client: viser.ClientHandle, action: Action, argument: Command) -> None:
         """Give an action's commands for a browser, which is told when they go out and how they end."""
@@ -159,22 +174,38 @@ class Page:
 
         def report(entry: LastCommand) -> None:
             if entry.outcome == "running":
-                note.append(client.add_notification(entry.label, "waiting for the reply …", loading=True,
-                                                    with_close_button=False, color="blue"))
+                note.append(
+                    client.add_notification(
+                        entry.label, "waiting for the reply …", loading=True, with_close_button=False, color="blue"
+                    )
+                )
                 return
             for waiting in note:
                 waiting.remove()
-            client.add_notification(f"{entry.label}: {entry.outcome}", entry.reason, color=_NOTE_COLOUR[entry.outcome],
-                                    auto_close_seconds=_NOTE_S[entry.outcome])
+            client.add_notification(
+                f"{entry.label}: {entry.outcome}",
+                entry.reason,
+                color=_NOTE_COLOUR[entry.outcome],
+                auto_close_seconds=_NOTE_S[entry.outcome],
+            )
 
         if not self._commander.start(action, by_operator(argument, client.client_id), report):
-            client.add_notification(action.label, "still waiting for the reply to the first press", color="orange",
-                                    auto_close_seconds=3.0)
+            client.add_notification(
+                action.label, "still waiting for the reply to the first press", color="orange", auto_close_seconds=3.0
+            )
 
     def refuse(self, client: viser.ClientHandle, action: Action, reason: str) -> None:
         """Tell a browser that the console itself refuses an action."""
-        self._commander.refuse(action, reason, lambda entry: client.add_notification(
-            f"{entry.label}: refused", entry.reason, color="orange", auto_close_seconds=_NOTE_S["refused"]) and None)
+        self._commander.refuse(
+            action,
+            reason,
+            lambda entry: (
+                client.add_notification(
+                    f"{entry.label}: refused", entry.reason, color="orange", auto_close_seconds=_NOTE_S["refused"]
+                )
+                and None
+            ),
+        )
 
     def _add_button(self, gui: viser.GuiApi, action: Action) -> viser.GuiButtonHandle:
         button = gui.add_button(action.label, icon=action.icon, color=_HOLD_COLOUR if action is HOLD else _PLAIN)
@@ -200,4 +231,3 @@ class Page:
 def _put(element: viser.GuiHtmlHandle, content: str) -> None:
     if element.content != content:
         element.content = content
-

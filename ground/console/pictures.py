@@ -58,8 +58,10 @@ def choose_picture(pictures: Iterable[Picture], view: Snapshot) -> Picture | Non
     newest = recent[-1]
     if view.track is not None and view.fresh(TRACK) and view.track.state != "idle":
         for picture in reversed(recent):
-            if (picture.capture_ns == view.track_capture_ns
-                    and newest.received_ns - picture.received_ns <= _WAIT_FOR_BOX_NS):
+            if (
+                picture.capture_ns == view.track_capture_ns
+                and newest.received_ns - picture.received_ns <= _WAIT_FOR_BOX_NS
+            ):
                 return picture
     return newest
 
@@ -73,8 +75,12 @@ class PictureBoard:
         on_refusal: called with the browser and the reason why a drawn box names no target.
     """
 
-    def __init__(self, config: ConsoleConfig, on_box: Callable[[viser.ClientHandle, Command], None],
-                 on_refusal: Callable[[viser.ClientHandle, str], None]):
+    def __init__(
+        self,
+        config: ConsoleConfig,
+        on_box: Callable[[viser.ClientHandle, Command], None],
+        on_refusal: Callable[[viser.ClientHandle, str], None],
+    ):
         self._config = config
         self._on_box = on_box
         self._on_refusal = on_refusal
@@ -132,8 +138,11 @@ class PictureBoard:
         live = picture is not None and view.picture_live
         shapes = tuple(_aspect(v.client) for v in viewers)
         # A picture is drawn again for a new box or window shape; an old one also because its age is written on it.
-        stamp = ((picture.capture_ns, view.track_capture_ns, shapes) if picture is not None and live else
-                 (view.t_ns // _STALE_REDRAW_NS, shapes))
+        stamp = (
+            (picture.capture_ns, view.track_capture_ns, shapes)
+            if picture is not None and live
+            else (view.t_ns // _STALE_REDRAW_NS, shapes)
+        )
         if self._drawn is not None and self._drawn[0] == stamp:
             return
         self._drawn = (stamp, view.t_ns)
@@ -154,8 +163,9 @@ class PictureBoard:
         pixels = self._pixels(picture)
         if picture is None or pixels is None:
             empty = blank(*_EMPTY)
-            self._painter.stale(empty, "NO PICTURE YET" if picture is None else "UNREADABLE PICTURE",
-                                "waiting for the camera")
+            self._painter.stale(
+                empty, "NO PICTURE YET" if picture is None else "UNREADABLE PICTURE", "waiting for the camera"
+            )
             return empty
         drawn = pixels.copy()
         if not live:
@@ -185,8 +195,9 @@ class PictureBoard:
         self._on_box(viewer.client, command)
 
 
-def box_command(shown: tuple[Letterbox, int] | None, corner_min: tuple[float, float],
-                corner_max: tuple[float, float]) -> Command:
+def box_command(
+    shown: tuple[Letterbox, int] | None, corner_min: tuple[float, float], corner_max: tuple[float, float]
+) -> Command:
     """Argument of `pursuit/do/select` for a drawn box.
 
     Args:
@@ -204,8 +215,10 @@ def box_command(shown: tuple[Letterbox, int] | None, corner_min: tuple[float, fl
     if box is None:
         raise BoxRefused("The box lies beside the picture; draw it on the target.")
     if min(box[2:]) < _BOX_MIN_PX:
-        raise BoxRefused(f"The box is {box[2]:.0f} x {box[3]:.0f} px; draw at least {_BOX_MIN_PX:.0f} x "
-                         f"{_BOX_MIN_PX:.0f} px, all around the target.")
+        raise BoxRefused(
+            f"The box is {box[2]:.0f} x {box[3]:.0f} px; draw at least {_BOX_MIN_PX:.0f} x "
+            f"{_BOX_MIN_PX:.0f} px, all around the target."
+        )
     return Command(box_px=box, capture_ns=capture_ns)
 
 

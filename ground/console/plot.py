@@ -37,8 +37,13 @@ class ErrorHistory:
         while self._points and self._points[0][0] < view.t_ns - self._span_ns:
             self._points.popleft()
         track, height_m = view.track, view.height_m
-        if (track is None or track.state != "tracking" or not view.fresh(TRACK) or height_m is None
-                or view.track_capture_ns == self._capture_ns):
+        if (
+            track is None
+            or track.state != "tracking"
+            or not view.fresh(TRACK)
+            or height_m is None
+            or view.track_capture_ns == self._capture_ns
+        ):
             return
         self._capture_ns = view.track_capture_ns
         # The error is given as tangents of the ray to the target: times the height it is metres on the ground.
@@ -85,5 +90,9 @@ class ErrorPlot:
 
 def _dots(label: str, colour: str) -> uplot.Series:
     # Dots, no line: a line would run straight through the time in which no target was seen.
-    return uplot.Series(label=label, stroke=colour, width=0, points=uplot.Series_Points(
-        show=True, size=3, fill=colour, stroke=colour, width=0.5))
+    return uplot.Series(
+        label=label,
+        stroke=colour,
+        width=0,
+        points=uplot.Series_Points(show=True, size=3, fill=colour, stroke=colour, width=0.5),
+    )

@@ -78,28 +78,53 @@ class SceneView:
         scene.set_up_direction("-z")
         server.initial_camera.position = (-9.0, -5.0, -8.0)
         server.initial_camera.look_at = (0.0, 0.0, -1.5)
-        scene.add_grid("/ground", 60.0, 60.0, plane="xy", cell_size=1.0, section_size=5.0, cell_color=(54, 61, 70),
-                       section_color=(92, 102, 114), infinite_grid=True, fade_distance=60.0)
+        scene.add_grid(
+            "/ground",
+            60.0,
+            60.0,
+            plane="xy",
+            cell_size=1.0,
+            section_size=5.0,
+            cell_color=(54, 61, 70),
+            section_color=(92, 102, 114),
+            infinite_grid=True,
+            fade_distance=60.0,
+        )
         scene.add_cylinder("/home", 0.45, 0.02, GREEN, opacity=0.8, cast_shadow=False)
         scene.add_label("/home/name", "home", position=(0.6, 0.0, 0.0))
-        scene.add_arrows("/north", np.array([[[0.0, 0.0, 0.0], [1.5, 0.0, 0.0]]]), RED, shaft_radius=0.025,
-                         head_radius=0.08, head_length=0.2)
+        scene.add_arrows(
+            "/north",
+            np.array([[[0.0, 0.0, 0.0], [1.5, 0.0, 0.0]]]),
+            RED,
+            shaft_radius=0.025,
+            head_radius=0.08,
+            head_length=0.2,
+        )
         scene.add_label("/north/name", "N", position=(1.7, 0.0, 0.0))
         self._vehicle = scene.add_frame("/vehicle", axes_length=0.8, axes_radius=0.02, visible=False)
         _add_airframe(scene)
         start = np.zeros((1, 2, 3))
         self._path_lines = scene.add_line_segments("/path", start, _BLUE, thickness=2.5, thickness_units="screen")
-        self._target_lines = scene.add_line_segments("/target_path", start, ORANGE, thickness=2.0,
-                                                     thickness_units="screen")
+        self._target_lines = scene.add_line_segments(
+            "/target_path", start, ORANGE, thickness=2.0, thickness_units="screen"
+        )
         self._target = scene.add_icosphere("/target", 0.18, GREEN, visible=False)
         self._target_name = scene.add_label("/target/name", "target", position=(0.0, 0.3, 0.0), visible=False)
-        self._ray = scene.add_line_segments("/ray", start, GREEN, thickness=1.5, thickness_units="screen",
-                                            visible=False)
-        self._velocity = scene.add_arrows("/velocity", np.array([[[0.0, 0, 0], [0.01, 0, 0]]] * 2),
-                                          np.array([_GREY, _BLUE]), shaft_radius=0.03, head_radius=0.08,
-                                          head_length=0.18, visible=False)
-        self._obstacles = scene.add_point_cloud("/obstacles", np.zeros((1, 3)), RED, point_size=0.25,
-                                                point_shape="circle", visible=False)
+        self._ray = scene.add_line_segments(
+            "/ray", start, GREEN, thickness=1.5, thickness_units="screen", visible=False
+        )
+        self._velocity = scene.add_arrows(
+            "/velocity",
+            np.array([[[0.0, 0, 0], [0.01, 0, 0]]] * 2),
+            np.array([_GREY, _BLUE]),
+            shaft_radius=0.03,
+            head_radius=0.08,
+            head_length=0.18,
+            visible=False,
+        )
+        self._obstacles = scene.add_point_cloud(
+            "/obstacles", np.zeros((1, 3)), RED, point_size=0.25, point_shape="circle", visible=False
+        )
 
     def note(self, view: Snapshot, collector: Collector) -> None:
         """Remember the paths; cheap, runs whether anyone looks or not."""
@@ -136,8 +161,11 @@ class SceneView:
         north, east, down = view.state.ned_p_m
         yaw = euler_from_quat(view.state.ned_q_body)[2]
         with client.atomic():
-            client.camera.position = (north - 6.0 * math.cos(yaw) + 3.5 * math.sin(yaw),
-                                      east - 6.0 * math.sin(yaw) - 3.5 * math.cos(yaw), down - 3.5)
+            client.camera.position = (
+                north - 6.0 * math.cos(yaw) + 3.5 * math.sin(yaw),
+                east - 6.0 * math.sin(yaw) - 3.5 * math.cos(yaw),
+                down - 3.5,
+            )
             client.camera.look_at = (north, east, down * 0.6)
 
     def _target_point(self, view: Snapshot, collector: Collector) -> Array | None:
@@ -184,9 +212,17 @@ class SceneView:
             return
         if self._frustum is None or self._frustum[0] != camera:
             handle = self._server.scene.add_camera_frustum(
-                "/vehicle/camera", 2 * math.atan(camera.height / (2 * camera.fy_px)), camera.width / camera.height,
-                scale=0.8, thickness=1.5, thickness_units="screen", color=_PALE, wxyz=camera.body_q_camera,
-                position=camera.body_p_camera_m, cast_shadow=False)
+                "/vehicle/camera",
+                2 * math.atan(camera.height / (2 * camera.fy_px)),
+                camera.width / camera.height,
+                scale=0.8,
+                thickness=1.5,
+                thickness_units="screen",
+                color=_PALE,
+                wxyz=camera.body_q_camera,
+                position=camera.body_p_camera_m,
+                cast_shadow=False,
+            )
             self._frustum = (camera, handle)
         pixels = decode(view.picture.jpeg) if view.picture is not None and view.picture_live else None
         self._frustum[1].image = None if pixels is None else np.asarray(cv2.resize(pixels, (240, 180)), np.uint8)
@@ -197,7 +233,19 @@ def _add_airframe(scene: viser.SceneApi) -> None:
     scene.add_box("/vehicle/hub", _PALE, (0.22, 0.16, 0.09))
     for name, forward, right in (("a", 0.24, 0.24), ("b", 0.24, -0.24), ("c", -0.24, 0.24), ("d", -0.24, -0.24)):
         angle = math.atan2(right, forward)
-        scene.add_box(f"/vehicle/arm_{name}", _GREY, (0.36, 0.03, 0.03), position=(forward / 2, right / 2, 0.0),
-                      wxyz=(math.cos(angle / 2), 0.0, 0.0, math.sin(angle / 2)))
-        scene.add_cylinder(f"/vehicle/rotor_{name}", 0.15, 0.015, ORANGE if forward > 0 else _GREY, opacity=0.75,
-                           position=(forward, right, -0.04), cast_shadow=False)
+        scene.add_box(
+            f"/vehicle/arm_{name}",
+            _GREY,
+            (0.36, 0.03, 0.03),
+            position=(forward / 2, right / 2, 0.0),
+            wxyz=(math.cos(angle / 2), 0.0, 0.0, math.sin(angle / 2)),
+        )
+        scene.add_cylinder(
+            f"/vehicle/rotor_{name}",
+            0.15,
+            0.015,
+            ORANGE if forward > 0 else _GREY,
+            opacity=0.75,
+            position=(forward, right, -0.04),
+            cast_shadow=False,
+        )

@@ -51,8 +51,9 @@ def open_server(config: ConsoleConfig, label: str) -> PageServer:
     _refuse_foreign_pages(server, loopback_only=_is_loopback(config.host))
     log.info("console on http://%s:%d", "localhost" if _is_loopback(config.host) else config.host, config.port)
     if not _is_loopback(config.host):
-        log.warning("the console has no password, and whoever reaches %s:%d can fly the vehicle", config.host,
-                    config.port)
+        log.warning(
+            "the console has no password, and whoever reaches %s:%d can fly the vehicle", config.host, config.port
+        )
     return server
 
 
@@ -60,8 +61,10 @@ def _probe(host: str, port: int) -> None:
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
     except (OSError, UnicodeError) as error:
-        raise ConfigError(f"console.host: got {host!r}, which is no address ({error}); expected one of this machine, "
-                          f"such as 127.0.0.1") from None
+        raise ConfigError(
+            f"console.host: got {host!r}, which is no address ({error}); expected one of this machine, "
+            f"such as 127.0.0.1"
+        ) from None
     with socket.socket(family, kind, protocol) as trial:
         trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -72,13 +75,17 @@ def _probe(host: str, port: int) -> None:
         except OSError as error:
             if error.errno == 98:  # EADDRINUSE
                 raise ConfigError(_taken(host, port)) from None
-            raise ConfigError(f"console.host: cannot listen on {host!r} ({error.strerror}); expected an address of "
-                              f"this machine, such as 127.0.0.1") from None
+            raise ConfigError(
+                f"console.host: cannot listen on {host!r} ({error.strerror}); expected an address of "
+                f"this machine, such as 127.0.0.1"
+            ) from None
 
 
 def _taken(host: str, port: int) -> str:
-    return (f"console.port: {port} on {host} is taken, by another console or another program; stop it, or choose "
-            f"another port with --set console.port={port + 1}")
+    return (
+        f"console.port: {port} on {host} is taken, by another console or another program; stop it, or choose "
+        f"another port with --set console.port={port + 1}"
+    )
 
 
 def _is_loopback(host: str) -> bool:

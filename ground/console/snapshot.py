@@ -151,8 +151,16 @@ class Collector:
         if received is not None and (not self.pictures or received.header.capture_ns != self.pictures[-1].capture_ns):
             image = received.message
             if image.encoding == "jpeg":
-                self.pictures.append(Picture(image.data, image.width, image.height, received.header.capture_ns,
-                                             received.received_ns, self._local_ns(received)))
+                self.pictures.append(
+                    Picture(
+                        image.data,
+                        image.width,
+                        image.height,
+                        received.header.capture_ns,
+                        received.received_ns,
+                        self._local_ns(received),
+                    )
+                )
         while self._states and self._states[0][0] < self._states[-1][0] - _STATES_KEPT_NS:
             self._states.popleft()
         inputs.drain(SETPOINT, Setpoint)  # the newest is what counts here
@@ -205,18 +213,24 @@ class Collector:
         if picture is not None:
             ages[PICTURE] = (t_ns - picture.received_ns) / 1e6  # a repeated picture has not arrived anew
         track = newest(TRACK, Track)
-        health = {name: r.message for name in self._nodes
-                  if (r := newest(health_topic(name).name, Health)) is not None}
+        health = {name: r.message for name in self._nodes if (r := newest(health_topic(name).name, Health)) is not None}
         return Snapshot(
-            t_ns=t_ns, ages_ms=ages, picture=picture,
+            t_ns=t_ns,
+            ages_ms=ages,
+            picture=picture,
             picture_age_ms=-1.0 if picture is None else (t_ns - picture.taken_ns) / 1e6,
             track_age_ms=-1.0 if track is None else (t_ns - self._local_ns(track)) / 1e6,
             state=_message(newest(STATE, VehicleState)),
-            status=_message(newest(STATUS, HelmStatus)), setpoint=_message(newest(SETPOINT, Setpoint)),
-            track=_message(track), track_capture_ns=track.header.capture_ns if track else 0,
+            status=_message(newest(STATUS, HelmStatus)),
+            setpoint=_message(newest(SETPOINT, Setpoint)),
+            track=_message(track),
+            track_capture_ns=track.header.capture_ns if track else 0,
             tracked_ago_ms=-1.0 if self._tracked_ns is None else (t_ns - self._tracked_ns) / 1e6,
-            obstacles=_message(newest(OBSTACLES, Obstacles)), camera=self._calibration(newest(CAMERA_INFO, CameraInfo)),
-            session=_message(newest(SESSION, Session)), health=health, alive=alive,
+            obstacles=_message(newest(OBSTACLES, Obstacles)),
+            camera=self._calibration(newest(CAMERA_INFO, CameraInfo)),
+            session=_message(newest(SESSION, Session)),
+            health=health,
+            alive=alive,
         )
 
     def _calibration(self, received: Received[CameraInfo] | None) -> Camera | None:

@@ -79,9 +79,11 @@ def style_html(buttons: Mapping[str, ButtonLook], panel_px: int) -> str:
     rules = [_SHEET.replace("RIGHT", str(panel_px + 14)).replace("REST", str(panel_px + 350))]
     for element, look in buttons.items():
         button = f'button[id="{element}"]'
-        rules.append(f"div:has(>div>{button}){{padding:0 7px}}"
-                     f"div:has(>{button}){{display:inline-block;width:{'100%' if look.wide else '50%'};"
-                     "margin:0!important;padding:3px!important;vertical-align:top}"
-                     f"{button}{{height:{look.height_px}px!important;font-size:15px;padding:0 6px;border-radius:7px}}"
-                     f"{button} [data-position=left]{{margin:0 14px 0 -7px}}")
+        rules.append(
+            f"div:has(>div>{button}){{padding:0 7px}}"
+            f"div:has(>{button}){{display:inline-block;width:{'100%' if look.wide else '50%'};"
+            "margin:0!important;padding:3px!important;vertical-align:top}"
+            f"{button}{{height:{look.height_px}px!important;font-size:15px;padding:0 6px;border-radius:7px}}"
+            f"{button} [data-position=left]{{margin:0 14px 0 -7px}}"
+        )
     return f"<style>{''.join(rules)}</style>"

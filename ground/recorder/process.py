@@ -63,8 +63,10 @@ class Segments:
             folder.mkdir(parents=True, exist_ok=True)
             self._writer: RecordingWriter | None = self._begin()
         except OSError as error:
-            raise ConfigError(f"recorder: cannot write to {str(folder)!r} ({error.strerror}); make it writable, free "
-                              f"some space, or set recorder.folder to another folder") from None
+            raise ConfigError(
+                f"recorder: cannot write to {str(folder)!r} ({error.strerror}); make it writable, free "
+                f"some space, or set recorder.folder to another folder"
+            ) from None
 
     def _begin(self) -> RecordingWriter:
         stem = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}_{self._vehicle}"
@@ -118,8 +120,10 @@ class Segments:
         try:
             work(writer)
         except OSError as error:
-            self.error = (f"cannot write to {str(writer.path)!r} ({error.strerror}): recording has ended; free some "
-                          f"space or set recorder.folder to another folder, then restart the recorder")
+            self.error = (
+                f"cannot write to {str(writer.path)!r} ({error.strerror}): recording has ended; free some "
+                f"space or set recorder.folder to another folder, then restart the recorder"
+            )
             log.error("%s", self.error)
             if self._writer is not None:
                 writer.abandon()
@@ -141,8 +145,9 @@ def run(config: Config, stop: threading.Event) -> int:
     bus_config = config.section(BusConfig)
     segments = None
     if settings.enabled:
-        segments = Segments(Path(settings.folder), bus_config.vehicle, settings.segment_mb * 1_000_000,
-                            config.resolved())
+        segments = Segments(
+            Path(settings.folder), bus_config.vehicle, settings.segment_mb * 1_000_000, config.resolved()
+        )
     try:
         with Bus(bus_config, "ground", _NAME, stop=stop) as bus:
             bus.announce()
@@ -163,8 +168,14 @@ def _record(bus: Bus, segments: Segments | None, stop: threading.Event) -> int:
 
     def receive(sample: zenoh.Sample) -> None:
         attachment = sample.attachment
-        intake.put(RawMessage(str(sample.key_expr).removeprefix(prefix), sample.payload.to_bytes(),
-                              b"" if attachment is None else attachment.to_bytes(), time.time_ns()))
+        intake.put(
+            RawMessage(
+                str(sample.key_expr).removeprefix(prefix),
+                sample.payload.to_bytes(),
+                b"" if attachment is None else attachment.to_bytes(),
+                time.time_ns(),
+            )
+        )
 
     if segments is not None:
         for name in recorded_names():
@@ -195,9 +206,16 @@ def _record(bus: Bus, segments: Segments | None, stop: threading.Event) -> int:
 def _health(segments: Segments | None, intake: Intake, steps: int, durations_ms: list[float]) -> Health:
     error = "" if segments is None else segments.error
     return Health(
-        node=_NAME, pid=os.getpid(), steps=steps, step_ms_median=statistics.median(durations_ms),
-        step_ms_max=max(durations_ms), input_age_ms={}, dropped={"all": intake.dropped}, rejected={},
-        errors=1 if error else 0, last_error=error,
+        node=_NAME,
+        pid=os.getpid(),
+        steps=steps,
+        step_ms_median=statistics.median(durations_ms),
+        step_ms_max=max(durations_ms),
+        input_age_ms={},
+        dropped={"all": intake.dropped},
+        rejected={},
+        errors=1 if error else 0,
+        last_error=error,
         metrics={
             "bytes_written": float(0 if segments is None else segments.bytes_written),
             "messages": float(0 if segments is None else segments.messages),

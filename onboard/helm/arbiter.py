@@ -64,8 +64,14 @@ def arbitrate(candidates: Sequence[Candidate], t_ns: int, yaw_rad: float, freshn
         if reason is not None:
             refused.append((candidate.source, reason))
             continue
-        return Verdict(candidate.source, to_ned(candidate.request, yaw_rad), candidate.request.yaw_rate_rad_s,
-                       (t_ns - candidate.basis_ns) / 1e6, tuple(refused), candidate.basis_ns)
+        return Verdict(
+            candidate.source,
+            to_ned(candidate.request, yaw_rad),
+            candidate.request.yaw_rate_rad_s,
+            (t_ns - candidate.basis_ns) / 1e6,
+            tuple(refused),
+            candidate.basis_ns,
+        )
     return Verdict("helm", (0.0, 0.0, 0.0), 0.0, -1.0, tuple(refused))
 
 

@@ -34,8 +34,16 @@ from onboard.helm.telemetry import LINK_LOST_S, Telemetry, TelemetryDecoder
 log = logging.getLogger(__name__)
 
 _COMPONENT = 1
-_MESSAGES = ("ATTITUDE_QUATERNION", "LOCAL_POSITION_NED", "HEARTBEAT", "CURRENT_MODE", "EXTENDED_SYS_STATE",
-             "SYS_STATUS", "BATTERY_STATUS", "HOME_POSITION")
+_MESSAGES = (
+    "ATTITUDE_QUATERNION",
+    "LOCAL_POSITION_NED",
+    "HEARTBEAT",
+    "CURRENT_MODE",
+    "EXTENDED_SYS_STATE",
+    "SYS_STATUS",
+    "BATTERY_STATUS",
+    "HOME_POSITION",
+)
 _RATES_HZ = ((31, 50.0), (32, 30.0), (436, 5.0), (245, 5.0))
 _SET_MODE, _SET_MESSAGE_INTERVAL = 176, 511
 _OFFBOARD = 6.0
@@ -124,8 +132,12 @@ class AutopilotLink:
 
     def metrics(self) -> dict[str, float]:
         """Messages, failures, the autopilot clock's drift."""
-        return {**self._counts, "malformed": float(self._decoder.malformed),
-                "clock_drift": self._decoder.clock.drift, "clock_restarts": float(self._decoder.clock.restarts)}
+        return {
+            **self._counts,
+            "malformed": float(self._decoder.malformed),
+            "clock_drift": self._decoder.clock.drift,
+            "clock_restarts": float(self._decoder.clock.restarts),
+        }
 
     def close(self, hold: bool) -> None:
         """End the link; with `hold`, ask the autopilot to hold first instead of leaving it to its loss failsafe."""
@@ -219,8 +231,12 @@ class AutopilotLink:
             ok, text = self._command(direct, _SET_MODE, 1.0, _OFFBOARD)
             return ActionResult(action, ok, text)
         calls: Mapping[Kind, Callable[[], Any]] = {
-            Kind.ARM: plugin.arm, Kind.DISARM: plugin.disarm, Kind.TAKEOFF: plugin.takeoff, Kind.LAND: plugin.land,
-            Kind.HOLD: plugin.hold}
+            Kind.ARM: plugin.arm,
+            Kind.DISARM: plugin.disarm,
+            Kind.TAKEOFF: plugin.takeoff,
+            Kind.LAND: plugin.land,
+            Kind.HOLD: plugin.hold,
+        }
         try:
             calls[action.kind]()
         except MavsdkError as error:
@@ -229,8 +245,12 @@ class AutopilotLink:
 
     def _command(self, direct: MavlinkDirect, command: int, *params: float) -> tuple[bool, str]:
         """Send a COMMAND_LONG and wait for its acknowledgement (MAVSDK repeats it)."""
-        fields = {"target_system": self._system_id, "target_component": _COMPONENT, "command": command,
-                  "confirmation": 0}
+        fields = {
+            "target_system": self._system_id,
+            "target_component": _COMPONENT,
+            "command": command,
+            "confirmation": 0,
+        }
         fields |= {f"param{i}": (params[i - 1] if i <= len(params) else 0.0) for i in range(1, 8)}
         message = MavlinkMessage("COMMAND_LONG", 0, 0, self._system_id, _COMPONENT, json.dumps(fields))
         try:

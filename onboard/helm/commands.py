@@ -42,8 +42,11 @@ def _done(call: Call, reason: str) -> None:
 def _wrong_state(call: Call, flight: Flight, event: Event) -> None:
     """Refuse for the state, saying where the command is accepted and how to get there."""
     cure = "; `engage` takes the stick first" if flight.state is State.YIELDED else ""
-    _refuse(call, f"helm is {flight.state} ({flight.machine.reason}); {event.value} is accepted in "
-                  f"{', '.join(accepts(event))}{cure}")
+    _refuse(
+        call,
+        f"helm is {flight.state} ({flight.machine.reason}); {event.value} is accepted in "
+        f"{', '.join(accepts(event))}{cure}",
+    )
 
 
 def _after(flight: Flight, seconds: float, t_ns: int) -> int:
@@ -151,9 +154,17 @@ def _chase(call: Call, flight: Flight, seen: Seen, t_ns: int) -> None:
         _wrong_state(call, flight, Event.CHASE)
 
 
-_HANDLERS: Mapping[str, Callable[[Call, Flight, Seen, int], None]] = MappingProxyType({
-    "helm/do/arm": _arm, "helm/do/disarm": _disarm, "helm/do/takeoff": _takeoff, "helm/do/hold": _hold,
-    "helm/do/land": _land, "helm/do/return": _return, "helm/do/engage": _engage, "helm/do/chase": _chase,
-})
+_HANDLERS: Mapping[str, Callable[[Call, Flight, Seen, int], None]] = MappingProxyType(
+    {
+        "helm/do/arm": _arm,
+        "helm/do/disarm": _disarm,
+        "helm/do/takeoff": _takeoff,
+        "helm/do/hold": _hold,
+        "helm/do/land": _land,
+        "helm/do/return": _return,
+        "helm/do/engage": _engage,
+        "helm/do/chase": _chase,
+    }
+)
 COMMANDS: tuple[str, ...] = tuple(_HANDLERS)
 """Commands that helm answers."""

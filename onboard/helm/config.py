@@ -9,7 +9,9 @@ import msgspec
 
 from common.config import ConfigError, Fraction, NonNegative, Positive, Section
 
-_URL = re.compile(r"^(?:(?:udpin|udpout|tcpin|tcpout)://[^:/\s]+:(?P<port>\d{1,5})|serial(?:_flowcontrol)?:///[^:\s]+:\d+)$")
+_URL = re.compile(
+    r"^(?:(?:udpin|udpout|tcpin|tcpout)://[^:/\s]+:(?P<port>\d{1,5})|serial(?:_flowcontrol)?:///[^:\s]+:\d+)$"
+)
 
 
 class ContainmentConfig(Section, frozen=True, kw_only=True):
@@ -39,8 +41,9 @@ class ContainmentConfig(Section, frozen=True, kw_only=True):
     def check(self) -> None:
         """Raise ConfigError when fields contradict each other."""
         if self.height_min_m >= self.height_max_m:
-            raise ConfigError(f"height_min_m: got {self.height_min_m}, expected less than height_max_m = "
-                              f"{self.height_max_m}")
+            raise ConfigError(
+                f"height_min_m: got {self.height_min_m}, expected less than height_max_m = {self.height_max_m}"
+            )
         if self.fence_band_m >= self.radius_m:
             raise ConfigError(f"fence_band_m: got {self.fence_band_m}, expected less than radius_m = {self.radius_m}")
 
@@ -80,8 +83,14 @@ class HelmConfig(Section, frozen=True, kw_only=True):
     """The camera counts as live when its newest picture, as its calibration message says, is at most this old, s."""
     camera_required: bool = True
     """Whether a missing camera or calibration forbids arming."""
-    parameters: dict[str, float | int] = msgspec.field(default_factory=lambda: {
-        "COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 5, "RTL_RETURN_ALT": 8.0, "MIS_TAKEOFF_ALT": 4.0})
+    parameters: dict[str, float | int] = msgspec.field(
+        default_factory=lambda: {
+            "COM_OF_LOSS_T": 1.0,
+            "COM_OBL_RC_ACT": 5,
+            "RTL_RETURN_ALT": 8.0,
+            "MIS_TAKEOFF_ALT": 4.0,
+        }
+    )
     """Parameters of the autopilot that helm writes on the ground and insists on before arming. Whole numbers are
     integer parameters, others float. COM_OBL_RC_ACT 5 is HOLD: PX4's own default returned home after a hang."""
     containment: ContainmentConfig = ContainmentConfig()
@@ -91,17 +100,22 @@ class HelmConfig(Section, frozen=True, kw_only=True):
         """Raise ConfigError when fields contradict each other."""
         match = _URL.match(self.autopilot_url)
         if match is None or not 0 < int(match["port"] or 1) < 65536:
-            raise ConfigError(f"autopilot_url: got {self.autopilot_url!r}, expected udpin://HOST:PORT (or udpout, "
-                              f"tcpin, tcpout) or serial:///dev/NAME:BAUD, for example udpin://127.0.0.1:14540")
+            raise ConfigError(
+                f"autopilot_url: got {self.autopilot_url!r}, expected udpin://HOST:PORT (or udpout, "
+                f"tcpin, tcpout) or serial:///dev/NAME:BAUD, for example udpin://127.0.0.1:14540"
+            )
         low, high = self.containment.height_min_m, self.containment.height_max_m
         for name in ("takeoff_height_m", "takeoff_height_max_m", "return_height_m"):
             if not low <= getattr(self, name) <= high:
-                raise ConfigError(f"{name}: got {getattr(self, name)}, expected {low} to {high}, the height band of "
-                                  f"containment")
+                raise ConfigError(
+                    f"{name}: got {getattr(self, name)}, expected {low} to {high}, the height band of containment"
+                )
         loss_s = self.parameters.get("COM_OF_LOSS_T", 1.0)
         if not 0.3 <= loss_s <= 3.0:
-            raise ConfigError(f"parameters.COM_OF_LOSS_T: got {loss_s}, expected 0.3 to 3.0 s: it is how long the "
-                              f"vehicle flies on after helm fell silent")
+            raise ConfigError(
+                f"parameters.COM_OF_LOSS_T: got {loss_s}, expected 0.3 to 3.0 s: it is how long the "
+                f"vehicle flies on after helm fell silent"
+            )
 
     @property
     def offboard_loss_s(self) -> float:

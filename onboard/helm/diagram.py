@@ -15,8 +15,11 @@ def diagram() -> str:
     """The state machine as a Mermaid diagram and a table of transitions."""
     lines = ["```mermaid", "stateDiagram-v2", "    [*] --> disconnected"]
     flown = [state for state in State if in_control(state)]
-    shared = {(event, target) for (_, event), target in TRANSITIONS.items()
-              if all(TRANSITIONS.get((state, event)) is target for state in flown)}
+    shared = {
+        (event, target)
+        for (_, event), target in TRANSITIONS.items()
+        if all(TRANSITIONS.get((state, event)) is target for state in flown)
+    }
     arrows: dict[tuple[str, str], list[str]] = {}
     for (state, event), target in TRANSITIONS.items():
         source = "flown" if state in flown and (event, target) in shared else state.value
@@ -28,8 +31,14 @@ def diagram() -> str:
     lines += ['    state "flown by helm" as flown {', *(f"        {state.value}" for state in flown)]
     lines += [f"        {text}" for a, b, text in drawn if a in inside and b in inside]
     lines += ["    }", *(f"    {text}" for a, b, text in drawn if not (a in inside and b in inside))]
-    lines += ["```", "", f"From every state, \"{_EVERYWHERE.value}\" leads to `{State.DISCONNECTED.value}`.", "",
-              "| event | from | to |", "|---|---|---|"]
+    lines += [
+        "```",
+        "",
+        f'From every state, "{_EVERYWHERE.value}" leads to `{State.DISCONNECTED.value}`.',
+        "",
+        "| event | from | to |",
+        "|---|---|---|",
+    ]
     for event in Event:
         by_target: dict[State, list[str]] = {}
         for (state, happened), target in TRANSITIONS.items():

@@ -82,8 +82,9 @@ class Flight:
         self._watch(seen, t_ns)
         self._progress(seen, t_ns)
         self._decide(seen, t_ns)
-        self.orders.expire(t_ns, lambda key: f"{key}: no confirmation in time; helm is {self.state} "
-                                             f"({self.machine.reason})")
+        self.orders.expire(
+            t_ns, lambda key: f"{key}: no confirmation in time; helm is {self.state} ({self.machine.reason})"
+        )
         if not self.streaming(seen.telemetry) or not self._due(t_ns):
             return None
         for source, reason in self.verdict.refused:
@@ -162,8 +163,13 @@ class Flight:
         telemetry = seen.telemetry
         gap_s = (t_ns - self._last_sent_ns) / 1e9
         if gap_s > self.config.offboard_loss_s:
-            self.fire(Event.HUNG, f"no setpoint went out for {gap_s:.1f} s, so the autopilot's failsafe has taken "
-                                  f"over; `engage` takes the stick again", telemetry, t_ns)
+            self.fire(
+                Event.HUNG,
+                f"no setpoint went out for {gap_s:.1f} s, so the autopilot's failsafe has taken "
+                f"over; `engage` takes the stick again",
+                telemetry,
+                t_ns,
+            )
         found = presence(self.state, telemetry, t_ns, self.config.resume_after_restart, self.config.autopilot_url)
         if found is not None:
             self.fire(*found, telemetry, t_ns)
@@ -171,8 +177,12 @@ class Flight:
         foreign = self.machine.foreign_mode(telemetry, height_m)
         if foreign is not None:
             who = "the autopilot's failsafe" if telemetry.critical else "a pilot, a ground station or the autopilot"
-            self.fire(Event.MODE_TAKEN, f"mode {foreign} was set by {who}, not by helm; setpoints stopped, `engage` "
-                                        f"takes the stick again", telemetry, t_ns)
+            self.fire(
+                Event.MODE_TAKEN,
+                f"mode {foreign} was set by {who}, not by helm; setpoints stopped, `engage` takes the stick again",
+                telemetry,
+                t_ns,
+            )
         if telemetry.armed:
             self.orders.settle("arm", "done", "armed")
         else:
@@ -188,8 +198,13 @@ class Flight:
                 self.fire(Event.ENGAGED, "hovering", telemetry, t_ns)
                 self.orders.settle("engaged", "done", f"hovering at {telemetry.height_m:.1f} m")
             elif self._engagement.failed(t_ns):
-                self.fire(Event.ENGAGE_FAILED, f"the autopilot did not enter OFFBOARD, it is in {telemetry.mode}; look "
-                                               f"at its messages, then `engage`", telemetry, t_ns)
+                self.fire(
+                    Event.ENGAGE_FAILED,
+                    f"the autopilot did not enter OFFBOARD, it is in {telemetry.mode}; look "
+                    f"at its messages, then `engage`",
+                    telemetry,
+                    t_ns,
+                )
             elif self._engagement.due(t_ns):
                 self.do(Action(Kind.OFFBOARD))
         if self.state is State.LANDING:
@@ -198,9 +213,15 @@ class Flight:
             elif telemetry.mode == "OFFBOARD" and self.machine.in_state_s(t_ns) > _LAND_WITHIN_S:
                 self.orders.settle("landing", "failed", "the autopilot did not enter LAND")
                 self.fire(Event.LAND_FAILED, "the autopilot did not enter LAND; hovering", telemetry, t_ns)
-        if self.state is State.STANDBY and (t_ns - self._parameters_ns) / 1e9 > _PARAMETERS_AGAIN_S and any(
+        if (
+            self.state is State.STANDBY
+            and (t_ns - self._parameters_ns) / 1e9 > _PARAMETERS_AGAIN_S
+            and any(
                 not math.isclose(self.parameters.get(k, math.nan), v, rel_tol=1e-4, abs_tol=1e-4)
-                for k, v in self.config.parameters.items() if k != "MIS_TAKEOFF_ALT"):
+                for k, v in self.config.parameters.items()
+                if k != "MIS_TAKEOFF_ALT"
+            )
+        ):
             self._read_parameters(write=True, t_ns=t_ns)
 
     def _take_off(self, takeoff: Takeoff, seen: Seen, t_ns: int) -> None:
@@ -226,8 +247,9 @@ class Flight:
         """Arbitrate, and take the transitions that requests (or their absence) call for."""
         telemetry, state = seen.telemetry, self.state
         if state is State.RETURNING and telemetry.position is not None:
-            self.verdict, home = homing(telemetry.ned_p_m() or (0.0, 0.0, 0.0), telemetry.position.ned_v_m_s,
-                                        self.config)
+            self.verdict, home = homing(
+                telemetry.ned_p_m() or (0.0, 0.0, 0.0), telemetry.position.ned_v_m_s, self.config
+            )
             if home:
                 self.fire(Event.HOME_REACHED, "home reached, landing", telemetry, t_ns)
             return
@@ -261,8 +283,9 @@ class Flight:
         silent_s, without_s = (t_ns - self._link_ns) / 1e9, (t_ns - self._target_ns) / 1e9
         action = self.config.link_loss_action
         if silent_s > self.config.link_loss_after_s:
-            self.fire(_LOSS_EVENTS[action], f"nothing from the chase for {silent_s:.0f} s: {action}",
-                      seen.telemetry, t_ns)
+            self.fire(
+                _LOSS_EVENTS[action], f"nothing from the chase for {silent_s:.0f} s: {action}", seen.telemetry, t_ns
+            )
         elif silent_s <= 0.0 and without_s > self.config.containment.chase_without_target_s:
             self.fire(Event.TARGET_AWAY, f"no target for {without_s:.0f} s: hold", seen.telemetry, t_ns)
         elif self.verdict.source == "helm":

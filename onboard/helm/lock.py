@@ -50,16 +50,19 @@ class HelmLock:
             self.path = (folder or runtime_dir()) / f"helm-{name}-{digest}.lock"
             self._file: IO[str] | None = self.path.open("a+", encoding="utf-8")
         except OSError as error:
-            raise ConfigError(f"helm's lock file: {error}; set XDG_RUNTIME_DIR to a folder that "
-                              f"you may write") from None
+            raise ConfigError(
+                f"helm's lock file: {error}; set XDG_RUNTIME_DIR to a folder that you may write"
+            ) from None
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             self._file.seek(0)
             holder = self._file.read().strip() or "another process"
             self._file.close()
-            raise HelmTaken(f"helm: {url} is held by {holder}; one helm commands a vehicle. Stop that one first, or "
-                            f"set helm.autopilot_url to another vehicle's link") from None
+            raise HelmTaken(
+                f"helm: {url} is held by {holder}; one helm commands a vehicle. Stop that one first, or "
+                f"set helm.autopilot_url to another vehicle's link"
+            ) from None
         self._file.truncate(0)
         self._file.write(f"helm of vehicle {vehicle!r}, process {os.getpid()}")
         self._file.flush()
@@ -81,5 +84,7 @@ def require_free_port(port: int, url: str) -> None:
         try:
             probe.bind(("127.0.0.1", port))
         except OSError as error:
-            raise ConfigError(f"helm.autopilot_url: {url}: UDP port {port} cannot be opened ({error.strerror}); stop "
-                              f"the program that listens there, or choose another port") from None
+            raise ConfigError(
+                f"helm.autopilot_url: {url}: UDP port {port} cannot be opened ({error.strerror}); stop "
+                f"the program that listens there, or choose another port"
+            ) from None

@@ -70,8 +70,9 @@ class Machine:
         engaging = self.state is State.ENGAGING
         tolerated = set() if self._confirmed and not (on_ground or engaging) else {self._entry_mode}
         near_top = telemetry.height_m > takeoff_height_m - _TAKEOFF_NEAR_M
-        if ((self.state is State.TAKING_OFF and (near_top or on_ground))
-                or (engaging and self._from is State.TAKING_OFF)):
+        if (self.state is State.TAKING_OFF and (near_top or on_ground)) or (
+            engaging and self._from is State.TAKING_OFF
+        ):
             tolerated |= {"TAKEOFF", "HOLD"}  # the autopilot holds by itself at the end of its takeoff
         if engaging and self._entry_mode == "OFFBOARD":
             tolerated |= {"HOLD", "RETURN", "LAND"}  # a loss failsafe that was due before the stream began
@@ -84,19 +85,22 @@ def presence(state: State, telemetry: Telemetry, t_ns: int, resume: bool, url: s
     if state is State.DISCONNECTED:
         return _found(telemetry, resume) if age_s < LINK_AGED_S else None
     if age_s > LINK_LOST_S:
-        return Event.AUTOPILOT_LOST, (f"no word from the autopilot at {url} for {LINK_LOST_S:g} s; check its power and "
-                                      f"the cable or the port")
+        return Event.AUTOPILOT_LOST, (
+            f"no word from the autopilot at {url} for {LINK_LOST_S:g} s; check its power and the cable or the port"
+        )
     flying = next_state(state, Event.TELEMETRY_STALE) is not None
     if flying and max(age_s, telemetry.estimate_age_s(t_ns)) > LINK_AGED_S:
-        return Event.TELEMETRY_STALE, (f"telemetry is older than {LINK_AGED_S:g} s: no more setpoints, the autopilot's "
-                                       f"own failsafe acts")
+        return Event.TELEMETRY_STALE, (
+            f"telemetry is older than {LINK_AGED_S:g} s: no more setpoints, the autopilot's own failsafe acts"
+        )
     if state is State.FAILSAFE and max(age_s, telemetry.estimate_age_s(t_ns)) < LINK_AGED_S / 2:
         return Event.TELEMETRY_BACK, f"telemetry is back, mode {telemetry.mode}; `engage` takes the stick again"
     if telemetry.landed_known and telemetry.armed_known and not (telemetry.in_air or telemetry.armed):
         return Event.LANDED, "on the ground, disarmed"
     if state is State.STANDBY and telemetry.in_air and telemetry.armed:
-        return Event.FOUND_IN_AIR, (f"the vehicle took off without helm, mode {telemetry.mode}; `engage` takes the "
-                                    f"stick")
+        return Event.FOUND_IN_AIR, (
+            f"the vehicle took off without helm, mode {telemetry.mode}; `engage` takes the stick"
+        )
     return None
 
 
@@ -138,8 +142,11 @@ class Engagement:
     def confirmed(self, telemetry: Telemetry) -> bool:
         """Whether OFFBOARD was reported after it was accepted. An OFFBOARD from before proves nothing: the autopilot
         may be about to leave it for want of setpoints."""
-        return (telemetry.mode == "OFFBOARD" and self._accepted_ns is not None
-                and telemetry.mode_ns > self._accepted_ns + _REPORT_AFTER_NS)
+        return (
+            telemetry.mode == "OFFBOARD"
+            and self._accepted_ns is not None
+            and telemetry.mode_ns > self._accepted_ns + _REPORT_AFTER_NS
+        )
 
     def due(self, t_ns: int) -> bool:
         """Whether to ask for OFFBOARD now; true once per attempt."""

@@ -98,8 +98,11 @@ class HelmNode(Node):
             if ok:
                 outputs.append(Output("helm/setpoint", flown.message))
         self._hand_over()
-        outputs.extend(Output("helm/state", vehicle_state(self._telemetry, sample), sample.stamp_ns)
-                       for sample in self._telemetry.attitudes if self._telemetry.position is not None)
+        outputs.extend(
+            Output("helm/state", vehicle_state(self._telemetry, sample), sample.stamp_ns)
+            for sample in self._telemetry.attitudes
+            if self._telemetry.position is not None
+        )
         outputs.extend(self._status(seen, t_ns))
         return outputs
 
@@ -132,11 +135,16 @@ class HelmNode(Node):
         track = inputs.peek("pursuit/track", Track)
         info = inputs.peek("camera/down/info", CameraInfo)
         return Seen(
-            telemetry=self._telemetry, results=tuple(self._link.results()) if results else (),
-            operator=_candidate(inputs, "operator"), pursuit=_candidate(inputs, "pursuit"), view=view,
-            track=None if track is None else TrackView(track.message.state == "tracking",
-                                                       (t_ns - track.received_ns) / 1e9),
-            camera=None if info is None else CameraView((t_ns - info.header.capture_ns) / 1e9, info.message.rate_hz))
+            telemetry=self._telemetry,
+            results=tuple(self._link.results()) if results else (),
+            operator=_candidate(inputs, "operator"),
+            pursuit=_candidate(inputs, "pursuit"),
+            view=view,
+            track=None
+            if track is None
+            else TrackView(track.message.state == "tracking", (t_ns - track.received_ns) / 1e9),
+            camera=None if info is None else CameraView((t_ns - info.header.capture_ns) / 1e9, info.message.rate_hz),
+        )
 
     def _status(self, seen: Seen, t_ns: int) -> Iterable[Output]:
         """The status, five times a second and at every change."""
@@ -146,14 +154,23 @@ class HelmNode(Node):
             return ()
         self._shown, self._status_ns = shown, t_ns
         streaming = self.flight.streaming(telemetry)
-        limited = self._limited if streaming and self._limited else limit((0.0, 0.0, 0.0), seen.view.obstacles,
-                                                                        self.limiter)
+        limited = (
+            self._limited if streaming and self._limited else limit((0.0, 0.0, 0.0), seen.view.obstacles, self.limiter)
+        )
         status: Message = HelmStatus(
-            state=machine.state.value, source=self.flight.verdict.source if streaming else "", reason=machine.reason,
-            streaming=streaming, mode=telemetry.mode, armed=telemetry.armed, in_air=telemetry.in_air,
-            limiter_zone=limited.zone, limiter_distance_m=limited.distance_m, request_age_ms=self.flight.verdict.age_ms,
+            state=machine.state.value,
+            source=self.flight.verdict.source if streaming else "",
+            reason=machine.reason,
+            streaming=streaming,
+            mode=telemetry.mode,
+            armed=telemetry.armed,
+            in_air=telemetry.in_air,
+            limiter_zone=limited.zone,
+            limiter_distance_m=limited.distance_m,
+            request_age_ms=self.flight.verdict.age_ms,
             preflight=gate(telemetry, self.flight.parameters, seen.camera, self.helm, t_ns),
-            counters=dict(machine.counters))
+            counters=dict(machine.counters),
+        )
         return (Output("helm/status", status),)
 
 
@@ -176,7 +193,12 @@ def vehicle_state(telemetry: Telemetry, sample: AttitudeSample) -> VehicleState:
     dt_s = min(max((sample.stamp_ns - position.stamp_ns) / 1e9, -_EXTRAPOLATE_S), _EXTRAPOLATE_S)
     v = position.ned_v_m_s
     return VehicleState(
-        ned_p_m=(ned_p_m[0] + v[0] * dt_s, ned_p_m[1] + v[1] * dt_s, ned_p_m[2] + v[2] * dt_s), ned_v_m_s=v,
-        ned_q_body=sample.ned_q_body, body_rates_rad_s=sample.body_rates_rad_s, armed=telemetry.armed,
-        in_air=telemetry.in_air, mode=telemetry.mode,
-        battery_fraction=telemetry.battery_fraction if math.isfinite(telemetry.battery_fraction) else -1.0)
+        ned_p_m=(ned_p_m[0] + v[0] * dt_s, ned_p_m[1] + v[1] * dt_s, ned_p_m[2] + v[2] * dt_s),
+        ned_v_m_s=v,
+        ned_q_body=sample.ned_q_body,
+        body_rates_rad_s=sample.body_rates_rad_s,
+        armed=telemetry.armed,
+        in_air=telemetry.in_air,
+        mode=telemetry.mode,
+        battery_fraction=telemetry.battery_fraction if math.isfinite(telemetry.battery_fraction) else -1.0,
+    )

@@ -98,8 +98,13 @@ class Pilot:
         yaw_rate = self._turn(verdict.yaw_rate_rad_s, attitude.yaw_rad, dt_s)
         home_z = telemetry.home_local_m[2] if telemetry.home_local_m else 0.0
         local = LocalSetpoint(limited.ned_v_m_s[0], limited.ned_v_m_s[1], home_z - self._height_m, yaw_rate)
-        message = Setpoint(source=verdict.source, asked_ned_v_m_s=verdict.ned_v_m_s, ned_v_m_s=limited.ned_v_m_s,
-                           height_m=self._height_m, yaw_rad=self._yaw_rad)
+        message = Setpoint(
+            source=verdict.source,
+            asked_ned_v_m_s=verdict.ned_v_m_s,
+            ned_v_m_s=limited.ned_v_m_s,
+            height_m=self._height_m,
+            yaw_rad=self._yaw_rad,
+        )
         return Flown(local, message, limited)
 
     def _hover(self, down_m_s: float, ned_p_m: Vec3, ned_v_m_s: Vec3, t_ns: int) -> Vec3:
@@ -112,8 +117,9 @@ class Pilot:
             if not still and (t_ns - self._hover_since_ns) / 1e9 < _BRAKE_MAX_S:
                 return (0.0, 0.0, down_m_s)
             self._anchor_m = (ned_p_m[0], ned_p_m[1])
-        north, east, _ = hover_velocity(self._anchor_m, ned_p_m, self._config.hover_gain_1_s,
-                                        self._config.hover_speed_m_s)
+        north, east, _ = hover_velocity(
+            self._anchor_m, ned_p_m, self._config.hover_gain_1_s, self._config.hover_speed_m_s
+        )
         return (north, east, down_m_s)
 
     def _limit(self, ned_v_m_s: Vec3, height_m: float, ned_vehicle_v_m_s: Vec3, view: View, dt_s: float) -> Limited:
@@ -128,9 +134,14 @@ class Pilot:
         lead_m = min(max(held_m - height_m, -_HEIGHT_LEAD_M), _HEIGHT_LEAD_M)
         down_m_s = -_AUTOPILOT_HEIGHT_GAIN_1_S * lead_m
         self._has_seen_obstacles |= view.obstacles is not None
-        limited = limit((ned_v_m_s[0], ned_v_m_s[1], down_m_s), view.obstacles, self._limiter,
-                        ned_vehicle_v_m_s=ned_vehicle_v_m_s, age_s=view.age_s,
-                        required=self._limiter.required or self._has_seen_obstacles)
+        limited = limit(
+            (ned_v_m_s[0], ned_v_m_s[1], down_m_s),
+            view.obstacles,
+            self._limiter,
+            ned_vehicle_v_m_s=ned_vehicle_v_m_s,
+            age_s=view.age_s,
+            required=self._limiter.required or self._has_seen_obstacles,
+        )
         north, east, limited_down = limited.ned_v_m_s
         cut = limited_down != down_m_s
         self._height_m = height_m + (-limited_down / _AUTOPILOT_HEIGHT_GAIN_1_S if cut else lead_m)

@@ -11,8 +11,11 @@ from onboard.helm.config import HelmConfig
 from onboard.helm.telemetry import LINK_AGED_S, Telemetry
 
 _ESTIMATE_AGE_S = 0.5
-_OWN_ITEM = {"COM_OF_LOSS_T": "offboard loss time", "COM_OBL_RC_ACT": "offboard loss action",
-             "RTL_RETURN_ALT": "return altitude"}
+_OWN_ITEM = {
+    "COM_OF_LOSS_T": "offboard loss time",
+    "COM_OBL_RC_ACT": "offboard loss action",
+    "RTL_RETURN_ALT": "return altitude",
+}
 _WRITTEN_AT_TAKEOFF = "MIS_TAKEOFF_ALT"
 
 
@@ -26,8 +29,9 @@ class CameraView:
     """Nominal rate, Hz."""
 
 
-def gate(telemetry: Telemetry, parameters: Mapping[str, float], camera: CameraView | None, config: HelmConfig,
-         t_ns: int) -> tuple[PreflightItem, ...]:
+def gate(
+    telemetry: Telemetry, parameters: Mapping[str, float], camera: CameraView | None, config: HelmConfig, t_ns: int
+) -> tuple[PreflightItem, ...]:
     """The items of the gate, in the order in which to put them right.
 
     Args:
@@ -40,8 +44,12 @@ def gate(telemetry: Telemetry, parameters: Mapping[str, float], camera: CameraVi
     return (
         _link(telemetry, config, t_ns),
         _estimate(telemetry, t_ns),
-        _item("autopilot ready", telemetry.ready, "its own checks pass",
-              "its own pre-arm checks do not pass yet; wait, then look at its messages"),
+        _item(
+            "autopilot ready",
+            telemetry.ready,
+            "its own checks pass",
+            "its own pre-arm checks do not pass yet; wait, then look at its messages",
+        ),
         _item("home", telemetry.home_local_m is not None, "set", "not set; wait for the position estimate"),
         _battery(telemetry, config),
         *_parameters(parameters, config),
@@ -60,24 +68,40 @@ def _item(name: str, ok: bool, found: str, cure: str) -> PreflightItem:
 
 def _link(telemetry: Telemetry, config: HelmConfig, t_ns: int) -> PreflightItem:
     age_s = telemetry.age_s(t_ns)
-    return _item("link", age_s < LINK_AGED_S, f"heard {max(age_s, 0.0):.1f} s ago" if math.isfinite(age_s) else "",
-                 f"no word from the autopilot at {config.autopilot_url}; start it, or set helm.autopilot_url")
+    return _item(
+        "link",
+        age_s < LINK_AGED_S,
+        f"heard {max(age_s, 0.0):.1f} s ago" if math.isfinite(age_s) else "",
+        f"no word from the autopilot at {config.autopilot_url}; start it, or set helm.autopilot_url",
+    )
 
 
 def _estimate(telemetry: Telemetry, t_ns: int) -> PreflightItem:
     age_s = telemetry.estimate_age_s(t_ns)
     found = f"{max(age_s, 0.0):.1f} s old" if math.isfinite(age_s) else "none"
-    return _item("position and attitude", age_s < _ESTIMATE_AGE_S, "healthy",
-                 f"got an estimate {found}, expected at most {_ESTIMATE_AGE_S:g} s; wait for the position fix")
+    return _item(
+        "position and attitude",
+        age_s < _ESTIMATE_AGE_S,
+        "healthy",
+        f"got an estimate {found}, expected at most {_ESTIMATE_AGE_S:g} s; wait for the position fix",
+    )
 
 
 def _battery(telemetry: Telemetry, config: HelmConfig) -> PreflightItem:
     charge = telemetry.battery_fraction
     if charge < 0.0:
-        return _item("battery", not config.battery_required, "unknown, not required",
-                     "charge unknown; wait for BATTERY_STATUS, or set helm.battery_required = false")
-    return _item("battery", charge >= config.battery_min, f"{charge:.0%}",
-                 f"got {charge:.0%}, expected at least {config.battery_min:.0%}; charge it")
+        return _item(
+            "battery",
+            not config.battery_required,
+            "unknown, not required",
+            "charge unknown; wait for BATTERY_STATUS, or set helm.battery_required = false",
+        )
+    return _item(
+        "battery",
+        charge >= config.battery_min,
+        f"{charge:.0%}",
+        f"got {charge:.0%}, expected at least {config.battery_min:.0%}; charge it",
+    )
 
 
 def _parameters(parameters: Mapping[str, float], config: HelmConfig) -> list[PreflightItem]:
@@ -88,18 +112,32 @@ def _parameters(parameters: Mapping[str, float], config: HelmConfig) -> list[Pre
         got = parameters.get(name)
         ok = got is not None and math.isclose(got, wanted, rel_tol=1e-4, abs_tol=1e-4)
         found = "not read yet" if got is None else f"got {got:g}"
-        items.append(_item(_OWN_ITEM.get(name, name), ok, f"{name} = {wanted:g}",
-                           f"{name}: {found}, expected {wanted:g}; helm writes it on the ground, look at its log"))
+        items.append(
+            _item(
+                _OWN_ITEM.get(name, name),
+                ok,
+                f"{name} = {wanted:g}",
+                f"{name}: {found}, expected {wanted:g}; helm writes it on the ground, look at its log",
+            )
+        )
     return items
 
 
 def _camera(camera: CameraView | None, config: HelmConfig) -> tuple[PreflightItem, PreflightItem]:
     optional = not config.camera_required
-    calibration = _item("calibration", camera is not None or optional, "present" if camera else "absent, not required",
-                        "camera/down/info has not come; start the camera node")
+    calibration = _item(
+        "calibration",
+        camera is not None or optional,
+        "present" if camera else "absent, not required",
+        "camera/down/info has not come; start the camera node",
+    )
     if camera is None:
         return calibration, _item("camera", optional, "absent, not required", "no picture; start the camera node")
     fresh = camera.picture_age_s <= config.camera_max_age_s
-    return calibration, _item("camera", fresh or optional, f"picture {max(camera.picture_age_s, 0.0):.1f} s old",
-                              f"newest picture is {camera.picture_age_s:.1f} s old, expected at most "
-                              f"{config.camera_max_age_s:g} s; look at the camera node")
+    return calibration, _item(
+        "camera",
+        fresh or optional,
+        f"picture {max(camera.picture_age_s, 0.0):.1f} s old",
+        f"newest picture is {camera.picture_age_s:.1f} s old, expected at most "
+        f"{config.camera_max_age_s:g} s; look at the camera node",
+    )

@@ -29,10 +29,22 @@ class LocalSetpoint:
     def fields(self, system: int, component: int, boot_ms: int = 0) -> dict[str, Any]:
         """Fields of SET_POSITION_TARGET_LOCAL_NED for a target system and component."""
         return {
-            "time_boot_ms": boot_ms & 0xFFFFFFFF, "target_system": system, "target_component": component,
-            "coordinate_frame": _LOCAL_NED, "type_mask": VELOCITY_WITH_ALTITUDE,
-            "x": 0.0, "y": 0.0, "z": self.local_z_m, "vx": self.north_m_s, "vy": self.east_m_s, "vz": 0.0,
-            "afx": 0.0, "afy": 0.0, "afz": 0.0, "yaw": 0.0, "yaw_rate": self.yaw_rate_rad_s,
+            "time_boot_ms": boot_ms & 0xFFFFFFFF,
+            "target_system": system,
+            "target_component": component,
+            "coordinate_frame": _LOCAL_NED,
+            "type_mask": VELOCITY_WITH_ALTITUDE,
+            "x": 0.0,
+            "y": 0.0,
+            "z": self.local_z_m,
+            "vx": self.north_m_s,
+            "vy": self.east_m_s,
+            "vz": 0.0,
+            "afx": 0.0,
+            "afy": 0.0,
+            "afz": 0.0,
+            "yaw": 0.0,
+            "yaw_rate": self.yaw_rate_rad_s,
         }
 
 

@@ -98,8 +98,11 @@ class Takeoff:
         if self.phase is Phase.ARMING and telemetry.armed:
             self._go(Phase.COMMAND, t_ns)
         if (t_ns - self._since_ns) / 1e9 > _STEP_WITHIN_S:
-            return [], Outcome(False, False, f"no progress for {_STEP_WITHIN_S:g} s while {self.phase.value}; "
-                                             f"look at the autopilot's messages")
+            return [], Outcome(
+                False,
+                False,
+                f"no progress for {_STEP_WITHIN_S:g} s while {self.phase.value}; look at the autopilot's messages",
+            )
         if self._asked:
             return [], None
         self._asked = True
@@ -116,8 +119,12 @@ class Takeoff:
         if (t_ns - self._since_ns) / 1e9 < _CLIMB_WITHIN_S:
             return [], None
         if self.retries + 1 >= _ATTEMPTS:
-            return [], Outcome(False, telemetry.in_air, f"takeoff was acknowledged {_ATTEMPTS} times and the vehicle "
-                                                        f"did not climb ({gained_m:.1f} m); check motors and load")
+            return [], Outcome(
+                False,
+                telemetry.in_air,
+                f"takeoff was acknowledged {_ATTEMPTS} times and the vehicle "
+                f"did not climb ({gained_m:.1f} m); check motors and load",
+            )
         self.retries += 1
         self._go(Phase.COMMAND if telemetry.armed else Phase.ARMING, t_ns)
         return [], None

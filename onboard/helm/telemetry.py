@@ -187,9 +187,15 @@ class TelemetryDecoder:
             return
         self.heartbeats += 1
         self.now = replace(
-            self.now, found=True, mode=mode_name(int(m["custom_mode"])), mode_ns=arrival_ns,
-            armed=bool(int(m["base_mode"]) & _ARMED_FLAG), armed_known=True,
-            critical=int(m["system_status"]) == _CRITICAL, heard_ns=max(self.now.heard_ns, arrival_ns))
+            self.now,
+            found=True,
+            mode=mode_name(int(m["custom_mode"])),
+            mode_ns=arrival_ns,
+            armed=bool(int(m["base_mode"]) & _ARMED_FLAG),
+            armed_known=True,
+            critical=int(m["system_status"]) == _CRITICAL,
+            heard_ns=max(self.now.heard_ns, arrival_ns),
+        )
 
 
 def _numbers(m: dict[str, Any], *names: str) -> tuple[Any, ...]:

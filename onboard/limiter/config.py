@@ -38,5 +38,7 @@ class LimiterConfig(Section, frozen=True, kw_only=True):
         if any(a >= b for a, b in itertools.pairwise(values)):
             raise ConfigError(f"{' < '.join(names)}: got {', '.join(map(str, values))}; expected rising distances")
         if self.h_max_m - self.band_m < self.h_desired_m:
-            raise ConfigError(f"band_m: got {self.band_m}, expected at most h_max_m - h_desired_m = "
-                              f"{self.h_max_m - self.h_desired_m:g}, or the vehicle would not stop at h_desired_m")
+            raise ConfigError(
+                f"band_m: got {self.band_m}, expected at most h_max_m - h_desired_m = "
+                f"{self.h_max_m - self.h_desired_m:g}, or the vehicle would not stop at h_desired_m"
+            )

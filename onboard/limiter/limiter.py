@@ -37,8 +37,15 @@ def _finite(vector: Sequence[float]) -> bool:
     return all(math.isfinite(c) for c in vector)
 
 
-def limit(ned_v_m_s: Vec3, obstacles: Sequence[Obstacle] | None, config: LimiterConfig, *,
-          ned_vehicle_v_m_s: Vec3 = _ZERO, age_s: float = 0.0, required: bool = False) -> Limited:
+def limit(
+    ned_v_m_s: Vec3,
+    obstacles: Sequence[Obstacle] | None,
+    config: LimiterConfig,
+    *,
+    ned_vehicle_v_m_s: Vec3 = _ZERO,
+    age_s: float = 0.0,
+    required: bool = False,
+) -> Limited:
     """The velocity nearest to the asked one that keeps to the law for every obstacle.
 
     Each obstacle k sets a half-space v·n_k <= L_k with L_k >= 0 (`law.allowed_approach`). Their intersection is convex
@@ -141,7 +148,8 @@ def _checked(v: Vec3, asked: Vec3, normals: Sequence[Vec3], bounds: Sequence[flo
     if speed > allowed > 0.0:
         scale = min(scale, allowed / speed)
     result = (v[0] * scale, v[1] * scale, v[2] * scale)
-    if not _finite(result) or any(_dot(result, n) > b + 2 * _TOLERANCE_M_S
-                                  for n, b in zip(normals, bounds, strict=True)):
+    if not _finite(result) or any(
+        _dot(result, n) > b + 2 * _TOLERANCE_M_S for n, b in zip(normals, bounds, strict=True)
+    ):
         return _ZERO
     return result

@@ -36,8 +36,15 @@ class UdpLink:
         PortInUse: the local port cannot be bound.
     """
 
-    def __init__(self, name: str, host: str, ports: LinkConfig, rates: Mapping[int, float],
-                 first_s: Mapping[int, float], system_id: int):
+    def __init__(
+        self,
+        name: str,
+        host: str,
+        ports: LinkConfig,
+        rates: Mapping[int, float],
+        first_s: Mapping[int, float],
+        system_id: int,
+    ):
         self.name = name
         self.peer: tuple[str, int] = (host, ports.remote_port)
         """Where messages go."""
@@ -144,7 +151,8 @@ def _bind(name: str, host: str, port: int) -> socket.socket:
         link.close()
         raise PortInUse(
             f"autopilot.{name}.local_port: got UDP {host}:{port} ({error.strerror}), expected a free local port; end"
-            f" the other autopilot or PX4, or set another port") from None
+            f" the other autopilot or PX4, or set another port"
+        ) from None
     link.setblocking(False)
     link.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_QUEUE_BYTES)
     return link

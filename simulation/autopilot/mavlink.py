@@ -43,8 +43,9 @@ class Protocol:
         shared: links to companion computers and ground stations.
     """
 
-    def __init__(self, vehicle: SimulatedVehicle, telemetry: Telemetry, links: Sequence[UdpLink],
-                 shared: Sequence[UdpLink]):
+    def __init__(
+        self, vehicle: SimulatedVehicle, telemetry: Telemetry, links: Sequence[UdpLink], shared: Sequence[UdpLink]
+    ):
         self._vehicle, self._telemetry = vehicle, telemetry
         self._links, self._shared = links, shared
         self._later: list[tuple[float, int, UdpLink, Message]] = []
@@ -142,8 +143,7 @@ class Protocol:
             self._acknowledge(link, m, command, verdict)
 
     def _acknowledge(self, link: UdpLink, m: Any, command: int, verdict: Verdict, delay_s: float = 0.0) -> None:
-        ack = mavlink.MAVLink_command_ack_message(
-            command, int(verdict), 0, 0, m.get_srcSystem(), m.get_srcComponent())
+        ack = mavlink.MAVLink_command_ack_message(command, int(verdict), 0, 0, m.get_srcSystem(), m.get_srcComponent())
         if delay_s > 0.0:
             self._order += 1
             heapq.heappush(self._later, (self._vehicle.t_s + delay_s, self._order, link, ack))
@@ -252,14 +252,16 @@ class Protocol:
 
     def _send_parameter(self, link: UdpLink, name: str, index: int) -> None:
         parameters = self._vehicle.parameters
-        link.send(mavlink.MAVLink_param_value_message(
-            name.encode(), to_wire(parameters[name]), parameters.wire_type(name), len(parameters.names), index))
+        link.send(
+            mavlink.MAVLink_param_value_message(
+                name.encode(), to_wire(parameters[name]), parameters.wire_type(name), len(parameters.names), index
+            )
+        )
 
     # ------------------------------------------------------------ missions: there are none
 
     def _on_mission_list(self, link: UdpLink, m: Any) -> None:
-        link.send(mavlink.MAVLink_mission_count_message(
-            m.get_srcSystem(), m.get_srcComponent(), 0, m.mission_type))
+        link.send(mavlink.MAVLink_mission_count_message(m.get_srcSystem(), m.get_srcComponent(), 0, m.mission_type))
 
     def _on_mission_count(self, link: UdpLink, m: Any) -> None:
         result = 0 if m.count == 0 else _MISSION_UNSUPPORTED

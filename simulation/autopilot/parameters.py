@@ -13,43 +13,45 @@ TYPE_INT32 = 6  # MAV_PARAM_TYPE
 TYPE_REAL32 = 9
 
 # Whole numbers are INT32 parameters, the others REAL32; names, units and defaults are PX4's.
-DEFAULTS: Mapping[str, Value] = MappingProxyType({
-    "BAT1_N_CELLS": 4,
-    "BAT_LOW_THR": 0.15,
-    "CAL_ACC0_ID": 1310988,
-    "CAL_GYRO0_ID": 1310988,
-    "CAL_MAG0_ID": 197388,
-    "COM_DISARM_LAND": 2.0,  # s on the ground after a flight
-    "COM_DISARM_PRFLT": 10.0,  # s armed without taking off
-    "COM_LOW_BAT_ACT": 0,  # 0: warn only
-    "COM_OBL_RC_ACT": 0,  # what follows the loss of the OFFBOARD stream: 0 and 3 return, 4 land, 5 hold
-    "COM_OF_LOSS_T": 1.0,  # s without a setpoint that count as a loss
-    "COM_SPOOLUP_TIME": 1.0,  # s from arming to lift
-    "MAV_COMP_ID": 1,
-    "MAV_SYS_ID": 1,
-    "MAV_TYPE": 2,
-    "MIS_TAKEOFF_ALT": 2.5,  # m above home
-    "MPC_ACC_HOR": 3.0,  # m/s², automatic modes
-    "MPC_LAND_ALT1": 10.0,  # m, landing begins to slow down
-    "MPC_LAND_ALT2": 5.0,  # m, landing speed is reached
-    "MPC_LAND_SPEED": 0.7,  # m/s
-    "MPC_THR_HOVER": 0.49,
-    "MPC_TILTMAX_AIR": 45.0,  # degrees
-    "MPC_TKO_RAMP_T": 3.0,  # s
-    "MPC_TKO_SPEED": 1.5,  # m/s
-    "MPC_XY_CRUISE": 5.0,  # m/s, automatic modes
-    "MPC_XY_VEL_MAX": 12.0,  # m/s
-    "MPC_Z_VEL_MAX_DN": 1.5,  # m/s
-    "MPC_Z_VEL_MAX_UP": 3.0,  # m/s
-    "MPC_Z_V_AUTO_DN": 1.5,  # m/s
-    "MPC_Z_V_AUTO_UP": 3.0,  # m/s
-    "NAV_DLL_ACT": 0,
-    "RTL_CONE_ANG": 45,  # degrees, half angle: near home it climbs less
-    "RTL_DESCEND_ALT": 30.0,  # m above home
-    "RTL_MIN_DIST": 10.0,  # m
-    "RTL_RETURN_ALT": 60.0,  # m above home
-    "SYS_AUTOSTART": 10040,
-})
+DEFAULTS: Mapping[str, Value] = MappingProxyType(
+    {
+        "BAT1_N_CELLS": 4,
+        "BAT_LOW_THR": 0.15,
+        "CAL_ACC0_ID": 1310988,
+        "CAL_GYRO0_ID": 1310988,
+        "CAL_MAG0_ID": 197388,
+        "COM_DISARM_LAND": 2.0,  # s on the ground after a flight
+        "COM_DISARM_PRFLT": 10.0,  # s armed without taking off
+        "COM_LOW_BAT_ACT": 0,  # 0: warn only
+        "COM_OBL_RC_ACT": 0,  # what follows the loss of the OFFBOARD stream: 0 and 3 return, 4 land, 5 hold
+        "COM_OF_LOSS_T": 1.0,  # s without a setpoint that count as a loss
+        "COM_SPOOLUP_TIME": 1.0,  # s from arming to lift
+        "MAV_COMP_ID": 1,
+        "MAV_SYS_ID": 1,
+        "MAV_TYPE": 2,
+        "MIS_TAKEOFF_ALT": 2.5,  # m above home
+        "MPC_ACC_HOR": 3.0,  # m/s², automatic modes
+        "MPC_LAND_ALT1": 10.0,  # m, landing begins to slow down
+        "MPC_LAND_ALT2": 5.0,  # m, landing speed is reached
+        "MPC_LAND_SPEED": 0.7,  # m/s
+        "MPC_THR_HOVER": 0.49,
+        "MPC_TILTMAX_AIR": 45.0,  # degrees
+        "MPC_TKO_RAMP_T": 3.0,  # s
+        "MPC_TKO_SPEED": 1.5,  # m/s
+        "MPC_XY_CRUISE": 5.0,  # m/s, automatic modes
+        "MPC_XY_VEL_MAX": 12.0,  # m/s
+        "MPC_Z_VEL_MAX_DN": 1.5,  # m/s
+        "MPC_Z_VEL_MAX_UP": 3.0,  # m/s
+        "MPC_Z_V_AUTO_DN": 1.5,  # m/s
+        "MPC_Z_V_AUTO_UP": 3.0,  # m/s
+        "NAV_DLL_ACT": 0,
+        "RTL_CONE_ANG": 45,  # degrees, half angle: near home it climbs less
+        "RTL_DESCEND_ALT": 30.0,  # m above home
+        "RTL_MIN_DIST": 10.0,  # m
+        "RTL_RETURN_ALT": 60.0,  # m above home
+        "SYS_AUTOSTART": 10040,
+    }
+)
 
 
 class Parameters:

@@ -66,8 +66,9 @@ class PlantState(NamedTuple):
     """Whether the landing gear touches the ground."""
 
 
-def step(airframe: Airframe, state: PlantState, rotor_commands_rad_s: Rotors, dt_s: float,
-         wind_m_s: Vec3) -> PlantState:
+def step(
+    airframe: Airframe, state: PlantState, rotor_commands_rad_s: Rotors, dt_s: float, wind_m_s: Vec3
+) -> PlantState:
     """State one step later, with rotor commands and wind held over it.
 
     Args:

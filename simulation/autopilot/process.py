@@ -66,8 +66,11 @@ class AutopilotProcess:
         system_id = int(self.vehicle.parameters["MAV_SYS_ID"])
         with ExitStack() as undo:
             self.links: list[UdpLink] = []
-            for name, ports, rates in (("onboard", config.onboard, ONBOARD_RATES),
-                                       ("ground", config.ground, GROUND_RATES), ("truth", config.truth, TRUTH_RATES)):
+            for name, ports, rates in (
+                ("onboard", config.onboard, ONBOARD_RATES),
+                ("ground", config.ground, GROUND_RATES),
+                ("truth", config.truth, TRUTH_RATES),
+            ):
                 link = UdpLink(name, config.host, ports, rates, FIRST_S, system_id)
                 undo.callback(link.close)
                 self.links.append(link)
@@ -106,16 +109,27 @@ def run(config: Config, stop: threading.Event) -> int:
     except PortInUse as error:
         log.error("%s", error)
         return _EXIT_CONFIG
-    log.info("simulated autopilot: onboard link %d -> %d, ground link %d -> %d, truth %d -> %d, %.0f cycles a second",
-             section.onboard.local_port, section.onboard.remote_port, section.ground.local_port,
-             section.ground.remote_port, section.truth.local_port, section.truth.remote_port, section.rate_hz)
+    log.info(
+        "simulated autopilot: onboard link %d -> %d, ground link %d -> %d, truth %d -> %d, %.0f cycles a second",
+        section.onboard.local_port,
+        section.onboard.remote_port,
+        section.ground.local_port,
+        section.ground.remote_port,
+        section.truth.local_port,
+        section.truth.remote_port,
+        section.rate_hz,
+    )
     pacer = Pacer(1.0 / section.rate_hz, time.monotonic())
     try:
         _loop(autopilot, pacer, stop)
     finally:
         autopilot.close()
-        log.info("simulated autopilot ended after %.1f s, %d cycles skipped; %s", autopilot.vehicle.t_s, pacer.skipped,
-                 dict(autopilot.protocol.counters))
+        log.info(
+            "simulated autopilot ended after %.1f s, %d cycles skipped; %s",
+            autopilot.vehicle.t_s,
+            pacer.skipped,
+            dict(autopilot.protocol.counters),
+        )
     return 0
 
 

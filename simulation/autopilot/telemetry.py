@@ -106,8 +106,20 @@ class Telemetry:
         health = _SENSORS | _CONTROLS | (_PREARM if vehicle.situation.ready else 0)
         b = vehicle.battery
         return mavlink.MAVLink_sys_status_message(
-            present, present, health, 200, int(b.voltage_v * 1e3), int(b.current_a * 1e2), round(b.fraction * 100),
-            0, 0, 0, 0, 0, 0)
+            present,
+            present,
+            health,
+            200,
+            int(b.voltage_v * 1e3),
+            int(b.current_a * 1e2),
+            round(b.fraction * 100),
+            0,
+            0,
+            0,
+            0,
+            0,
+            0,
+        )
 
     def system_time(self) -> Message:
         """SYSTEM_TIME; UTC is unknown to the simulated receiver."""
@@ -119,7 +131,8 @@ class Telemetry:
         vn, ve, _ = self._vehicle.estimate.ned_v_m_s
         course = round(math.degrees(math.atan2(ve, vn)) * 100) % 36000
         return mavlink.MAVLink_gps_raw_int_message(
-            self.time_us, 3, lat, lon, alt, 70, 90, _centi(math.hypot(vn, ve)), course, 14, alt, 700, 900, 300, 0)
+            self.time_us, 3, lat, lon, alt, 70, 90, _centi(math.hypot(vn, ve)), course, 14, alt, 700, 900, 300, 0
+        )
 
     def attitude(self) -> Message:
         """ATTITUDE of the estimate."""
@@ -143,7 +156,8 @@ class Telemetry:
         vn, ve, vd = e.ned_v_m_s
         course = round(math.degrees(heading(e.ned_q_body)) * 100) % 36000
         return mavlink.MAVLink_global_position_int_message(
-            self.time_ms, lat, lon, alt, round(-e.ned_p_m[2] * 1e3), _centi(vn), _centi(ve), _centi(vd), course)
+            self.time_ms, lat, lon, alt, round(-e.ned_p_m[2] * 1e3), _centi(vn), _centi(ve), _centi(vd), course
+        )
 
     def servo_output_raw(self) -> Message:
         """SERVO_OUTPUT_RAW: rotor speeds as pulses of 1000 to 2000 µs."""
@@ -183,7 +197,8 @@ class Telemetry:
         alt = v.config.home_alt_m - v.truth.ned_p_m[2]
         pressure_hpa = 1013.25 * (1.0 - 2.25577e-5 * alt) ** 5.25588  # standard atmosphere
         return mavlink.MAVLink_highres_imu_message(
-            self.time_us, ax, ay, az, p, q, r, *field, pressure_hpa, 0.0, alt, 25.0, 0x1FFF)
+            self.time_us, ax, ay, az, p, q, r, *field, pressure_hpa, 0.0, alt, 25.0, 0x1FFF
+        )
 
     def timesync(self) -> Message:
         """TIMESYNC request."""
@@ -199,7 +214,8 @@ class Telemetry:
         vn, ve, vd = s.ned_v_m_s
         an, ae, ad = (min(max(round(a * 1e3 / GRAVITY_M_S2), -32768), 32767) for a in s.ned_a_m_s2)
         return mavlink.MAVLink_hil_state_quaternion_message(
-            0, s.ned_q_body, *s.body_rates_rad_s, lat, lon, alt, _centi(vn), _centi(ve), _centi(vd), 0, 0, an, ae, ad)
+            0, s.ned_q_body, *s.body_rates_rad_s, lat, lon, alt, _centi(vn), _centi(ve), _centi(vd), 0, 0, an, ae, ad
+        )
 
     def altitude(self) -> Message:
         """ALTITUDE of the estimate over sea level, home and ground."""
@@ -212,21 +228,23 @@ class Telemetry:
         b = self._vehicle.battery
         cells = [round(b.voltage_v / 4 * 1e3)] * 4 + [65535] * 6
         return mavlink.MAVLink_battery_status_message(
-            0, 0, 1, 2500, cells, round(b.current_a * 1e2), -1, -1, round(b.fraction * 100))
+            0, 0, 1, 2500, cells, round(b.current_a * 1e2), -1, -1, round(b.fraction * 100)
+        )
 
     def autopilot_version(self) -> Message:
         """AUTOPILOT_VERSION: MAVLink 2, float and INT32 parameters, COMMAND_INT, local position setpoints; 1.17.0."""
         none = [0] * 8
         uid = int(self._vehicle.parameters["MAV_SYS_ID"])
         return mavlink.MAVLink_autopilot_version_message(
-            2 | 8 | 16 | 128 | 8192, 1 << 24 | 17 << 16 | 255, 0, 0, 0, none, none, none, 0, 0, uid)
+            2 | 8 | 16 | 128 | 8192, 1 << 24 | 17 << 16 | 255, 0, 0, 0, none, none, none, 0, 0, uid
+        )
 
     def home_position(self) -> Message:
         """HOME_POSITION: the take-off point."""
         lat, lon, alt = self._global((0.0, 0.0, 0.0))
         return mavlink.MAVLink_home_position_message(
-            lat, lon, alt, 0.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0), math.nan, math.nan, math.nan,
-            int(_HOME_SET_S * 1e6))
+            lat, lon, alt, 0.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0), math.nan, math.nan, math.nan, int(_HOME_SET_S * 1e6)
+        )
 
     def extended_sys_state(self) -> Message:
         """EXTENDED_SYS_STATE: on the ground, in the air, taking off or landing."""
@@ -241,8 +259,19 @@ class Telemetry:
         """ODOMETRY of the estimate: position NED, velocity in the body frame, covariances unknown."""
         e = self._vehicle.estimate
         return mavlink.MAVLink_odometry_message(
-            self.time_us, 1, 12, *e.ned_p_m, e.ned_q_body, *_into_body(e.ned_q_body, e.ned_v_m_s),
-            *e.body_rates_rad_s, _NO_COVARIANCE, _NO_COVARIANCE, 0, 8, 100)
+            self.time_us,
+            1,
+            12,
+            *e.ned_p_m,
+            e.ned_q_body,
+            *_into_body(e.ned_q_body, e.ned_v_m_s),
+            *e.body_rates_rad_s,
+            _NO_COVARIANCE,
+            _NO_COVARIANCE,
+            0,
+            8,
+            100,
+        )
 
     def current_mode(self) -> Message:
         """CURRENT_MODE: the mode that flies and the one that was asked for."""

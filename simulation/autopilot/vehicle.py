@@ -173,8 +173,12 @@ class SimulatedVehicle:
         w, x, y, z = truth.ned_q_body
         p, v, q = self._p_noise, self._v_noise, self._q_noise
         a, b, c = 0.5 * q[0].value, 0.5 * q[1].value, 0.5 * q[2].value  # a small rotation: its norm needs no repair
-        quat = (w - x * a - y * b - z * c, x + w * a + y * c - z * b,
-                y + w * b + z * a - x * c, z + w * c + x * b - y * a)
+        quat = (
+            w - x * a - y * b - z * c,
+            x + w * a + y * c - z * b,
+            y + w * b + z * a - x * c,
+            z + w * c + x * b - y * a,
+        )
         return Estimate(
             (pn + p[0].value, pe + p[1].value, pd + p[2].value),
             # a vehicle that stands on the ground knows that it stands

@@ -18,8 +18,10 @@ class GlMissingError(ConfigError):
 
 def _missing(error: BaseException) -> GlMissingError:
     detail = " ".join(str(error).split())[:160] or type(error).__name__
-    return GlMissingError(f"got no headless OpenGL ({detail}); expected EGL with a software or hardware driver; "
-                          f"install the packages {_PACKAGES} (Debian, Ubuntu: apt-get install libegl1 libgl1-mesa-dri)")
+    return GlMissingError(
+        f"got no headless OpenGL ({detail}); expected EGL with a software or hardware driver; "
+        f"install the packages {_PACKAGES} (Debian, Ubuntu: apt-get install libegl1 libgl1-mesa-dri)"
+    )
 
 
 def _load() -> Any:

@@ -41,8 +41,9 @@ _WHITE, _PAD = (226, 226, 220), (150, 148, 142)
 class GroundPainter:
     """Paints the square of `size_m` around home; rows run from north to south, columns from west to east."""
 
-    def __init__(self, ground: GroundConfig, layout: Layout, occluders: tuple[OccluderConfig, ...],
-                 rng: np.random.Generator):
+    def __init__(
+        self, ground: GroundConfig, layout: Layout, occluders: tuple[OccluderConfig, ...], rng: np.random.Generator
+    ):
         """
         Args:
             ground: size and kind.
@@ -88,8 +89,8 @@ class GroundPainter:
         tinted = (detail[..., None] * np.array([0.9, 1.1, 0.6], np.float32)).astype(np.int16)
         for row in range(0, size, _TILE_PX):
             for column in range(0, size, _TILE_PX):
-                block = picture[row:row + _TILE_PX, column:column + _TILE_PX]
-                part = np.ascontiguousarray(tinted[:block.shape[0], :block.shape[1]])
+                block = picture[row : row + _TILE_PX, column : column + _TILE_PX]
+                part = np.ascontiguousarray(tinted[: block.shape[0], : block.shape[1]])
                 block[:] = cv2.add(block, part, dtype=cv2.CV_8U)
         return picture
 
@@ -98,12 +99,12 @@ class GroundPainter:
         size = self._size_px
         tile = np.full((1, 1, 3), top, np.uint8) if isinstance(top, tuple) else top
         for row in range(0, size, _STRIP_PX):
-            a = alpha[row:row + _STRIP_PX]
+            a = alpha[row : row + _STRIP_PX]
             columns = np.flatnonzero(a.any(axis=0))
             if not len(columns):
                 continue
             window = slice(int(columns[0]), int(columns[-1]) + 1)
-            below = picture[row:row + _STRIP_PX, window]
+            below = picture[row : row + _STRIP_PX, window]
             rows = tile[np.arange(row, row + len(a)) % len(tile)]
             over = np.ascontiguousarray(np.tile(rows, (1, size // tile.shape[1] + 1, 1))[:, window])
             weight = cv2.merge([np.ascontiguousarray(a[:, window])] * 3)
@@ -195,14 +196,18 @@ class GroundPainter:
             cast(walls, house.wall_m + 0.4 * house.rise_m)
         for occluder in self._occluders:
             if occluder.kind == "bridge":
-                deck = _rectangle((occluder.north_m, occluder.east_m), occluder.span_m, occluder.width_m,
-                                  np.deg2rad(occluder.heading_deg))
+                deck = _rectangle(
+                    (occluder.north_m, occluder.east_m),
+                    occluder.span_m,
+                    occluder.width_m,
+                    np.deg2rad(occluder.heading_deg),
+                )
                 cast(deck + slope * occluder.height_m, 0.08)
         soft = cv2.blur(mask, (max(3, round(0.12 * self._px_per_m / scale) | 1),) * 2)
         light = 255 - (soft * (1.0 - _SHADOW_LEVEL)).astype(np.uint8)
         light = cv2.resize(light, (self._size_px, self._size_px), interpolation=cv2.INTER_LINEAR)
         for row in range(0, self._size_px, _STRIP_PX):
-            strip, shade = picture[row:row + _STRIP_PX], light[row:row + _STRIP_PX]
+            strip, shade = picture[row : row + _STRIP_PX], light[row : row + _STRIP_PX]
             strip[:] = cv2.multiply(strip, cv2.merge((shade, shade, shade)), scale=1 / 255)
 
 

@@ -96,8 +96,11 @@ def lay_out(scenario: ScenarioConfig, path: CarPath, rng: np.random.Generator) -
     taken += [(np.array((o.north_m, o.east_m)), 1.0 + o.span_m / 2) for o in scenario.occluders]
     taken.append((np.zeros(2), _CLEAR_OF_HOME_M))
     houses = _houses(ground.houses, ground.size_m, roads, taken, rng)
-    trees = [_overhanging(o.north_m, o.east_m, o.heading_deg, o.width_m, o.height_m, ground.road_width_m)
-             for o in scenario.occluders if o.kind == "tree"]
+    trees = [
+        _overhanging(o.north_m, o.east_m, o.heading_deg, o.width_m, o.height_m, ground.road_width_m)
+        for o in scenario.occluders
+        if o.kind == "tree"
+    ]
     trees += _trees(ground.trees, ground.size_m, roads, taken, rng)
     return Layout(tuple(roads), tuple(trees), tuple(houses))
 
@@ -112,8 +115,9 @@ def _beside(points: Array, left_m: float) -> Array:
     return points + left_m * np.column_stack((along[:, 1], -along[:, 0]))
 
 
-def _overhanging(north_m: float, east_m: float, heading_deg: float, width_m: float, height_m: float,
-                 road_width_m: float) -> Tree:
+def _overhanging(
+    north_m: float, east_m: float, heading_deg: float, width_m: float, height_m: float, road_width_m: float
+) -> Tree:
     """Tree whose crown hangs above the road, its trunk beside it."""
     heading, reach = np.deg2rad(heading_deg), _TRUNK_OFFSET * road_width_m
     trunk = (north_m + reach * float(np.cos(heading)), east_m + reach * float(np.sin(heading)))
@@ -131,8 +135,9 @@ def _free(place: Array, radius_m: float, roads: list[Road], taken: list[tuple[Ar
     return True
 
 
-def _place(radius_m: float, size_m: float, roads: list[Road], taken: list[tuple[Array, float]],
-           rng: np.random.Generator) -> tuple[float, float] | None:
+def _place(
+    radius_m: float, size_m: float, roads: list[Road], taken: list[tuple[Array, float]], rng: np.random.Generator
+) -> tuple[float, float] | None:
     """A free place, nearer to the roads than chance would have it; None when none was found."""
     reach = 0.5 * size_m - 2.0
     for _ in range(_ATTEMPTS):
@@ -147,8 +152,9 @@ def _place(radius_m: float, size_m: float, roads: list[Road], taken: list[tuple[
     return None
 
 
-def _trees(count: int, size_m: float, roads: list[Road], taken: list[tuple[Array, float]],
-           rng: np.random.Generator) -> list[Tree]:
+def _trees(
+    count: int, size_m: float, roads: list[Road], taken: list[tuple[Array, float]], rng: np.random.Generator
+) -> list[Tree]:
     trees = []
     for _ in range(count):
         bush = rng.random() < 0.4
@@ -160,13 +166,23 @@ def _trees(count: int, size_m: float, roads: list[Road], taken: list[tuple[Array
     return trees
 
 
-def _houses(count: int, size_m: float, roads: list[Road], taken: list[tuple[Array, float]],
-            rng: np.random.Generator) -> list[House]:
+def _houses(
+    count: int, size_m: float, roads: list[Road], taken: list[tuple[Array, float]], rng: np.random.Generator
+) -> list[House]:
     houses = []
     for _ in range(count):
         length, width = float(rng.uniform(2.2, 3.2)), float(rng.uniform(1.6, 2.2))
         place = _place(0.5 * float(np.hypot(length, width)) + 0.3, size_m, roads, taken, rng)
         if place is not None:
-            houses.append(House(place, length, width, float(rng.uniform(0.9, 1.3)), float(rng.uniform(0.5, 0.8)),
-                                float(rng.uniform(0, np.pi)), int(rng.integers(2))))
+            houses.append(
+                House(
+                    place,
+                    length,
+                    width,
+                    float(rng.uniform(0.9, 1.3)),
+                    float(rng.uniform(0.5, 0.8)),
+                    float(rng.uniform(0, np.pi)),
+                    int(rng.integers(2)),
+                )
+            )
     return houses

@@ -23,10 +23,22 @@ class Mesh:
 
 
 # Side view of the car: (fraction of the length from the rear, fraction of the height).
-_CAR_PROFILE = np.array([
-    (0.0, 0.30), (0.02, 0.50), (0.06, 0.58), (0.20, 0.62), (0.31, 0.95), (0.36, 1.0), (0.56, 1.0), (0.61, 0.95),
-    (0.74, 0.62), (0.94, 0.52), (0.985, 0.42), (1.0, 0.28),
-])
+_CAR_PROFILE = np.array(
+    [
+        (0.0, 0.30),
+        (0.02, 0.50),
+        (0.06, 0.58),
+        (0.20, 0.62),
+        (0.31, 0.95),
+        (0.36, 1.0),
+        (0.56, 1.0),
+        (0.61, 0.95),
+        (0.74, 0.62),
+        (0.94, 0.52),
+        (0.985, 0.42),
+        (1.0, 0.28),
+    ]
+)
 CAR_BELT = 0.6
 """Height of the outline that shows from above (bonnet, doors, boot), as a fraction of the car's height."""
 
@@ -99,10 +111,19 @@ def crown_mesh(rng: np.random.Generator, radius_m: float, flatness: float = 0.7)
 def gable_mesh(length_m: float, width_m: float, rise_m: float, overhang_m: float = 0.08) -> Mesh:
     """Gable roof, its eaves at z = 0 and its ridge along x: two tiled slopes and two gables."""
     lx, ly = length_m / 2 + overhang_m, width_m / 2 + overhang_m
-    slopes = np.array([
-        (-lx, -ly, 0), (lx, -ly, 0), (lx, 0, rise_m), (-lx, 0, rise_m),
-        (lx, ly, 0), (-lx, ly, 0), (-lx, 0, rise_m), (lx, 0, rise_m),
-    ], dtype=float)
+    slopes = np.array(
+        [
+            (-lx, -ly, 0),
+            (lx, -ly, 0),
+            (lx, 0, rise_m),
+            (-lx, 0, rise_m),
+            (lx, ly, 0),
+            (-lx, ly, 0),
+            (-lx, 0, rise_m),
+            (lx, 0, rise_m),
+        ],
+        dtype=float,
+    )
     quad_uv = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
     gables = np.array([(lx, -ly, 0), (lx, ly, 0), (lx, 0, rise_m), (-lx, ly, 0), (-lx, -ly, 0), (-lx, 0, rise_m)])
     faces = np.array([(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7), (8, 9, 10), (11, 12, 13)])

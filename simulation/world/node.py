@@ -68,8 +68,12 @@ class WorldNode(Node):
         self._render_ms: deque[float] = deque(maxlen=200)
         self._stale = self._lost = self._frozen = self._broken = 0
         self._truth = TruthPort(self._config)
-        log.info("scenario %s; waiting for the vehicle's pose on UDP %s:%d", self._config.scenario, self._config.host,
-                 self._config.port)
+        log.info(
+            "scenario %s; waiting for the vehicle's pose on UDP %s:%d",
+            self._config.scenario,
+            self._config.host,
+            self._config.port,
+        )
 
     def step(self, inputs: Inputs, t_ns: int) -> Iterable[Output]:
         """Picture, unless nobody reads it or the link loses it, and truth; nothing while the pose is stale."""
@@ -87,9 +91,19 @@ class WorldNode(Node):
         if self.has_reader("sim/camera/down"):
             data = self._picture(ned_eye, ned_q_eye, motion.t_ns)
             if data is not None:
-                outputs.append(Output("sim/camera/down", Image(
-                    camera="down", width=self._camera.width, height=self._camera.height, encoding="bgr8", data=data,
-                ), capture_ns))
+                outputs.append(
+                    Output(
+                        "sim/camera/down",
+                        Image(
+                            camera="down",
+                            width=self._camera.width,
+                            height=self._camera.height,
+                            encoding="bgr8",
+                            data=data,
+                        ),
+                        capture_ns,
+                    )
+                )
         outputs.append(Output("truth", self._truth_message(motion, car, ned_eye, ned_q_eye), capture_ns))
         return outputs
 
@@ -100,8 +114,11 @@ class WorldNode(Node):
         return {
             "late_fraction": missed / (steps + missed) if steps else 0.0,
             "render_ms_median": statistics.median(self._render_ms) if self._render_ms else 0.0,
-            "stale": float(self._stale), "lost": float(self._lost), "frozen": float(self._frozen),
-            "broken": float(self._broken), "truth_rate_hz": self._truth.rate_hz,
+            "stale": float(self._stale),
+            "lost": float(self._lost),
+            "frozen": float(self._frozen),
+            "broken": float(self._broken),
+            "truth_rate_hz": self._truth.rate_hz,
         }
 
     def close(self) -> None:
@@ -122,8 +139,9 @@ class WorldNode(Node):
         if newest_ns is None:
             return None
         # When poses come late the picture is taken as late as they allow, and its stamp says so.
-        instant_ns = min(t_ns - int(self._config.render_delay_ms * 1e6),
-                         newest_ns + int(self._config.longest_extrapolation_ms * 1e6))
+        instant_ns = min(
+            t_ns - int(self._config.render_delay_ms * 1e6), newest_ns + int(self._config.longest_extrapolation_ms * 1e6)
+        )
         if instant_ns <= self._last_instant_ns:
             return None
         motion = self._truth.motion_at(instant_ns)
@@ -165,8 +183,9 @@ class WorldNode(Node):
         self._render_ms.append((time.perf_counter() - started) * 1e3)
         return self._last_picture
 
-    def _truth_message(self, motion: Motion, car: tuple[CarPose, np.ndarray], ned_eye: np.ndarray,
-                       ned_q_eye: np.ndarray) -> Truth:
+    def _truth_message(
+        self, motion: Motion, car: tuple[CarPose, np.ndarray], ned_eye: np.ndarray, ned_q_eye: np.ndarray
+    ) -> Truth:
         pose, velocity = car
         corners = ned_to_pixels(self._camera, ned_eye, ned_q_eye, self._scene.outline(pose))
         samples = self._scene.samples(pose)
@@ -176,9 +195,12 @@ class WorldNode(Node):
         seen = inside & ~self._scene.occluded(ned_eye, samples) if inside.any() else inside
         shown = inside.any() and bool(np.isfinite(corners).all())
         return Truth(
-            ned_p_m=as_vec3(motion.ned_p_m), ned_v_m_s=as_vec3(motion.ned_v_m_s), ned_q_body=as_quat(motion.ned_q_body),
+            ned_p_m=as_vec3(motion.ned_p_m),
+            ned_v_m_s=as_vec3(motion.ned_v_m_s),
+            ned_q_body=as_quat(motion.ned_q_body),
             target_ned_p_m=(pose.ned_p_m[0], pose.ned_p_m[1], -self._scenario.car.height_m / 2),
-            target_ned_v_m_s=(float(velocity[0]), float(velocity[1]), 0.0), target_heading_rad=pose.heading_rad,
+            target_ned_v_m_s=(float(velocity[0]), float(velocity[1]), 0.0),
+            target_heading_rad=pose.heading_rad,
             target_corners_px=tuple((float(x), float(y)) for x, y in corners) if shown else (),
             target_visible=bool(seen.mean() >= _MOSTLY),
         )

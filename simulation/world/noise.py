@@ -75,7 +75,7 @@ def noise_tile(rng: np.random.Generator, width: int, height: int, sigma: float) 
 def add_noise(frame: Frame, tile: Frame, rng: np.random.Generator) -> Frame:
     """Frame with sensor noise from a tile of `noise_tile`."""
     row, column = (int(i) for i in rng.integers(0, _TILE_MARGIN_PX, 2))
-    part = tile[row:row + frame.shape[0], column:column + frame.shape[1]]
+    part = tile[row : row + frame.shape[0], column : column + frame.shape[1]]
     return cv2.addWeighted(frame, 1.0, part, 1.0, -_TILE_BIAS).astype(np.uint8, copy=False)
 
 
@@ -91,15 +91,15 @@ def break_blocks(frame: Frame, radio: RadioConfig, rng: np.random.Generator) -> 
         row, start = int(rng.integers(rows)) * side, int(rng.integers(columns))
         length = min(int(rng.integers(1, 9)), columns - start)
         left, right = start * side, (start + length) * side
-        part = out[row:row + side, left:right]
+        part = out[row : row + side, left:right]
         kind = int(rng.integers(4))
         if kind == 0:
             part[:] = 128
         elif kind == 1:
-            part[:] = np.tile(frame[row:row + side, left:left + side], (1, length, 1))
+            part[:] = np.tile(frame[row : row + side, left : left + side], (1, length, 1))
         elif kind == 2:
             other = int(rng.integers(rows)) * side
-            part[:] = frame[other:other + side, left:right]
+            part[:] = frame[other : other + side, left:right]
         else:
             coarse = rng.integers(0, 256, (2, 2 * length, 3), dtype=np.uint8)
             part[:] = cv2.resize(coarse, (right - left, side), interpolation=cv2.INTER_NEAREST)

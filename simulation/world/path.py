@@ -137,8 +137,9 @@ def _rounded(path: PathConfig) -> tuple[_Line, Array]:
     return _pieces(points, headings, turns, lengths, cut, half, closed, count)
 
 
-def _pieces(points: Array, headings: Array, turns: Array, lengths: Array, cut: Array, half: Array, closed: bool,
-            count: int) -> tuple[_Line, Array]:
+def _pieces(
+    points: Array, headings: Array, turns: Array, lengths: Array, cut: Array, half: Array, closed: bool, count: int
+) -> tuple[_Line, Array]:
     """Straights and arcs in driving order. A loop begins in the middle of the arc at its first waypoint."""
     starts: list[Array] = []
     piece_headings: list[float] = []
@@ -255,8 +256,9 @@ def _loop_profile(path: PathConfig, line: _Line, nodes: Array, wanted: Array, st
     return CarPath(line, t, s, v, begin, True, path.start_delay_s)
 
 
-def _ping_pong_profile(path: PathConfig, line: _Line, nodes: Array, wanted: Array,
-                       stops: dict[float, float]) -> CarPath:
+def _ping_pong_profile(
+    path: PathConfig, line: _Line, nodes: Array, wanted: Array, stops: dict[float, float]
+) -> CarPath:
     """Profile of there and back, at rest at both ends."""
     dwell = _dwell(nodes, stops)
     wanted[dwell > 0] = 0.0

@@ -22,8 +22,13 @@ _MAX_GEOMS = 2000
 # A corner of the picture that looks less steeply down than this sees to the horizon.
 _FLAT = 0.05
 _MARGIN_M = 1.0
-_UNUSED = (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION, mujoco.mjtRndFlag.mjRND_FOG,
-           mujoco.mjtRndFlag.mjRND_HAZE, mujoco.mjtRndFlag.mjRND_SKYBOX)
+_UNUSED = (
+    mujoco.mjtRndFlag.mjRND_SHADOW,
+    mujoco.mjtRndFlag.mjRND_REFLECTION,
+    mujoco.mjtRndFlag.mjRND_FOG,
+    mujoco.mjtRndFlag.mjRND_HAZE,
+    mujoco.mjtRndFlag.mjRND_SKYBOX,
+)
 
 
 class Drawable(Protocol):
@@ -81,8 +86,15 @@ class Renderer:
         return picture.astype(np.uint8, copy=False)
 
     def _aim(self, ned_p_camera_m: Array, ned_q_camera: Array) -> None:
-        mujoco.mjv_updateScene(self._scene.model, self._scene.data, self._option, None, self._free,
-                               mujoco.mjtCatBit.mjCAT_ALL.value, self._view)
+        mujoco.mjv_updateScene(
+            self._scene.model,
+            self._scene.data,
+            self._option,
+            None,
+            self._free,
+            mujoco.mjtCatBit.mjCAT_ALL.value,
+            self._view,
+        )
         axes = quat_to_matrix(ned_q_camera)
         left, right, bottom, top = self._frustum
         for eye in self._view.camera:
@@ -129,8 +141,12 @@ def _frustum(camera: Camera) -> tuple[_Edges, _Map | None]:
     """
     width, height = camera.width, camera.height
     if not any(camera.distortion):
-        return ((-0.5 - camera.cx_px) / camera.fx_px, (width - 0.5 - camera.cx_px) / camera.fx_px,
-                -(height - 0.5 - camera.cy_px) / camera.fy_px, (camera.cy_px + 0.5) / camera.fy_px), None
+        return (
+            (-0.5 - camera.cx_px) / camera.fx_px,
+            (width - 0.5 - camera.cx_px) / camera.fx_px,
+            -(height - 0.5 - camera.cy_px) / camera.fy_px,
+            (camera.cy_px + 0.5) / camera.fy_px,
+        ), None
     columns, rows = np.meshgrid(np.arange(width), np.arange(height))
     rays = camera.rays(np.column_stack((columns.ravel(), rows.ravel())))
     x, y = rays[:, 0], rays[:, 1]

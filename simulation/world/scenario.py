@@ -59,19 +59,21 @@ class PathConfig(Section, frozen=True, kw_only=True):
         loop = self.mode == "loop"
         count, least = len(self.waypoints), 3 if loop else 2
         if 0 < count < least:
-            raise ConfigError(f"waypoints: got {count}, expected none (parked) or at least {least} for a "
-                              f"{self.mode}")
+            raise ConfigError(f"waypoints: got {count}, expected none (parked) or at least {least} for a {self.mode}")
         points = [(w.north_m, w.east_m) for w in self.waypoints]
         for i in range(count if loop else count - 1):
             if math.dist(points[i], points[(i + 1) % count]) < 0.05:
-                raise ConfigError(f"waypoints[{i}]: got {points[i]}, the same place as the next one; "
-                                  "remove one of them")
+                raise ConfigError(
+                    f"waypoints[{i}]: got {points[i]}, the same place as the next one; remove one of them"
+                )
         for i in range(0 if loop else 1, count if loop else count - 1):
             (n0, e0), (n1, e1), (n2, e2) = points[i - 1], points[i], points[(i + 1) % count]
             turn = math.atan2(e2 - e1, n2 - n1) - math.atan2(e1 - e0, n1 - n0)
             if abs(math.degrees(math.remainder(turn, math.tau))) > 170:
-                raise ConfigError(f"waypoints[{i}]: got a turn of more than 170 degrees at {points[i]}; "
-                                  "put another waypoint beside it")
+                raise ConfigError(
+                    f"waypoints[{i}]: got a turn of more than 170 degrees at {points[i]}; "
+                    "put another waypoint beside it"
+                )
 
 
 class CarConfig(Section, frozen=True, kw_only=True):

@@ -109,8 +109,20 @@ class Scene:
         rays = ned_points_m * NWU_FROM_NED - eye
         lengths = np.linalg.norm(rays, axis=1)
         directions = rays / np.maximum(lengths, 1e-9)[:, None]
-        mujoco.mj_multiRay(self.model, self.data, eye, np.ascontiguousarray(directions).ravel(), _ONLY_OCCLUDERS, True,
-                           -1, self._ray_geom, self._ray_m, None, len(rays), float(lengths.max()) + 1.0)
+        mujoco.mj_multiRay(
+            self.model,
+            self.data,
+            eye,
+            np.ascontiguousarray(directions).ravel(),
+            _ONLY_OCCLUDERS,
+            True,
+            -1,
+            self._ray_geom,
+            self._ray_m,
+            None,
+            len(rays),
+            float(lengths.max()) + 1.0,
+        )
         return (self._ray_geom >= 0) & (self._ray_m < lengths - 1e-3)
 
 
@@ -162,91 +174,169 @@ class _Builder:
         self.spec.visual.headlight.diffuse = [0.0, 0.0, 0.0]
         self.spec.visual.headlight.specular = [0.0, 0.0, 0.0]
         direction = [SHADOW_NE_PER_M[0], -SHADOW_NE_PER_M[1], -1.0]
-        self.spec.worldbody.add_light(type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, dir=direction, castshadow=False,
-                                      diffuse=[0.64, 0.62, 0.57], specular=[0.15, 0.15, 0.15], ambient=[0, 0, 0])
+        self.spec.worldbody.add_light(
+            type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+            dir=direction,
+            castshadow=False,
+            diffuse=[0.64, 0.62, 0.57],
+            specular=[0.15, 0.15, 0.15],
+            ambient=[0, 0, 0],
+        )
 
-    def _material(self, picture: Picture, repeat: tuple[float, float] = (1.0, 1.0), uniform: bool = False,
-                  shine: float = 0.0) -> str:
+    def _material(
+        self, picture: Picture, repeat: tuple[float, float] = (1.0, 1.0), uniform: bool = False, shine: float = 0.0
+    ) -> str:
         """Name of a new material that shows a picture."""
         name = f"m{self._materials}"
         self._materials += 1
-        texture = self.spec.add_texture(name=name, type=mujoco.mjtTexture.mjTEXTURE_2D, width=picture.shape[1],
-                                        height=picture.shape[0], nchannel=3)
+        texture = self.spec.add_texture(
+            name=name, type=mujoco.mjtTexture.mjTEXTURE_2D, width=picture.shape[1], height=picture.shape[0], nchannel=3
+        )
         texture.data = picture.tobytes()
-        material = self.spec.add_material(name=name, texrepeat=list(repeat), texuniform=uniform, specular=shine,
-                                          shininess=0.6 if shine else 0.0)
+        material = self.spec.add_material(
+            name=name, texrepeat=list(repeat), texuniform=uniform, specular=shine, shininess=0.6 if shine else 0.0
+        )
         material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
         return name
 
     def _mesh(self, mesh: Mesh) -> str:
         name = f"g{len(self.spec.meshes)}"
-        self.spec.add_mesh(name=name, uservert=mesh.vertices_m.ravel(), userface=mesh.faces.ravel(),
-                           usertexcoord=mesh.uv.ravel(), userfacetexcoord=mesh.faces.ravel(),
-                           inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
+        self.spec.add_mesh(
+            name=name,
+            uservert=mesh.vertices_m.ravel(),
+            userface=mesh.faces.ravel(),
+            usertexcoord=mesh.uv.ravel(),
+            userfacetexcoord=mesh.faces.ravel(),
+            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+        )
         return name
 
     def _ground(self, painter: GroundPainter, size_m: float) -> None:
         picture = painter.paint()
         world = self.spec.worldbody
-        world.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[size_m / 2, size_m / 2, 1], group=_GROUND_GROUP,
-                       material=self._material(picture), quat=_PLANE_QUAT)
-        world.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[_FIELD_M, _FIELD_M, 1], pos=[0, 0, -0.02],
-                       group=_GROUND_GROUP, material=self._material(painter.field_tile(), (0.14, 0.14), uniform=True))
+        world.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_PLANE,
+            size=[size_m / 2, size_m / 2, 1],
+            group=_GROUND_GROUP,
+            material=self._material(picture),
+            quat=_PLANE_QUAT,
+        )
+        world.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_PLANE,
+            size=[_FIELD_M, _FIELD_M, 1],
+            pos=[0, 0, -0.02],
+            group=_GROUND_GROUP,
+            material=self._material(painter.field_tile(), (0.14, 0.14), uniform=True),
+        )
 
     def _tree(self, tree: Tree, material: str) -> None:
         n, e = tree.ne_m
         crown = self._mesh(crown_mesh(self._rng, tree.radius_m, 0.75))
         world = self.spec.worldbody
-        world.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=crown, material=material, group=_OCCLUDER_GROUP,
-                       pos=[n, -e, tree.height_m])
-        world.add_geom(type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[0.09 * max(tree.radius_m, 0.4), tree.height_m / 2, 0],
-                       pos=[tree.ne_trunk_m[0], -tree.ne_trunk_m[1], tree.height_m / 2], rgba=_BARK,
-                       group=_OCCLUDER_GROUP)
+        world.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_MESH,
+            meshname=crown,
+            material=material,
+            group=_OCCLUDER_GROUP,
+            pos=[n, -e, tree.height_m],
+        )
+        world.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+            size=[0.09 * max(tree.radius_m, 0.4), tree.height_m / 2, 0],
+            pos=[tree.ne_trunk_m[0], -tree.ne_trunk_m[1], tree.height_m / 2],
+            rgba=_BARK,
+            group=_OCCLUDER_GROUP,
+        )
 
     def _house(self, house: House, material: str) -> None:
         n, e = house.ne_m
         body = self.spec.worldbody.add_body(pos=[n, -e, 0], quat=_yaw_quat(house.heading_rad))
-        body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[house.length_m / 2, house.width_m / 2, house.wall_m / 2],
-                      pos=[0, 0, house.wall_m / 2], rgba=_WALL, group=_OCCLUDER_GROUP)
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[house.length_m / 2, house.width_m / 2, house.wall_m / 2],
+            pos=[0, 0, house.wall_m / 2],
+            rgba=_WALL,
+            group=_OCCLUDER_GROUP,
+        )
         roof = self._mesh(gable_mesh(house.length_m, house.width_m, house.rise_m))
-        body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=roof, material=material, pos=[0, 0, house.wall_m],
-                      group=_OCCLUDER_GROUP)
-        body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.12, 0.12, 0.3], rgba=[0.55, 0.35, 0.3, 1],
-                      pos=[0.3 * house.length_m, 0.15, house.wall_m + house.rise_m], group=_OCCLUDER_GROUP)
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_MESH,
+            meshname=roof,
+            material=material,
+            pos=[0, 0, house.wall_m],
+            group=_OCCLUDER_GROUP,
+        )
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[0.12, 0.12, 0.3],
+            rgba=[0.55, 0.35, 0.3, 1],
+            pos=[0.3 * house.length_m, 0.15, house.wall_m + house.rise_m],
+            group=_OCCLUDER_GROUP,
+        )
 
     def _bridge(self, bridge: OccluderConfig) -> None:
-        body = self.spec.worldbody.add_body(pos=[bridge.north_m, -bridge.east_m, 0],
-                                            quat=_yaw_quat(np.deg2rad(bridge.heading_deg)))
+        body = self.spec.worldbody.add_body(
+            pos=[bridge.north_m, -bridge.east_m, 0], quat=_yaw_quat(np.deg2rad(bridge.heading_deg))
+        )
         half_l, half_w, top = bridge.span_m / 2, bridge.width_m / 2, bridge.height_m
         # Boards lie across the deck: the picture's boards run along its columns, which are the deck's y axis.
         wood = self._material(planks(self._rng, 512, (150, 112, 74), 24))
         box = mujoco.mjtGeom.mjGEOM_BOX
-        body.add_geom(type=box, size=[half_l, half_w, 0.04], pos=[0, 0, top - 0.04], material=wood,
-                      group=_OCCLUDER_GROUP)
+        body.add_geom(
+            type=box, size=[half_l, half_w, 0.04], pos=[0, 0, top - 0.04], material=wood, group=_OCCLUDER_GROUP
+        )
         for side in (-1, 1):
-            body.add_geom(type=box, size=[half_l, 0.03, 0.03], pos=[0, side * (half_w - 0.03), top + 0.22],
-                          rgba=[0.36, 0.27, 0.19, 1], group=_OCCLUDER_GROUP)
+            body.add_geom(
+                type=box,
+                size=[half_l, 0.03, 0.03],
+                pos=[0, side * (half_w - 0.03), top + 0.22],
+                rgba=[0.36, 0.27, 0.19, 1],
+                group=_OCCLUDER_GROUP,
+            )
             for x in np.linspace(-half_l + 0.05, half_l - 0.05, 5):
-                body.add_geom(type=box, size=[0.025, 0.025, 0.12], pos=[x, side * (half_w - 0.03), top + 0.1],
-                              rgba=[0.36, 0.27, 0.19, 1], group=_OCCLUDER_GROUP)
-            body.add_geom(type=box, size=[0.12, half_w * 0.9, (top - 0.08) / 2], group=_OCCLUDER_GROUP,
-                          pos=[side * (half_l - 0.15), 0, (top - 0.08) / 2], rgba=[0.5, 0.49, 0.47, 1])
+                body.add_geom(
+                    type=box,
+                    size=[0.025, 0.025, 0.12],
+                    pos=[x, side * (half_w - 0.03), top + 0.1],
+                    rgba=[0.36, 0.27, 0.19, 1],
+                    group=_OCCLUDER_GROUP,
+                )
+            body.add_geom(
+                type=box,
+                size=[0.12, half_w * 0.9, (top - 0.08) / 2],
+                group=_OCCLUDER_GROUP,
+                pos=[side * (half_l - 0.15), 0, (top - 0.08) / 2],
+                rgba=[0.5, 0.49, 0.47, 1],
+            )
 
     def _car(self, car: CarConfig) -> None:
         body = self.spec.worldbody.add_body(mocap=True)
         paint = car_paint(self._rng, rgb(car.bonnet), rgb(car.roof), rgb(car.boot), rgb(car.stripe))
         shell = self._mesh(car_mesh(car.length_m, car.width_m, car.height_m))
-        body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=shell, material=self._material(paint, shine=0.3),
-                      group=_MOVING_GROUP)
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_MESH,
+            meshname=shell,
+            material=self._material(paint, shine=0.3),
+            group=_MOVING_GROUP,
+        )
         wheel = 0.2 * car.height_m
         for x in (-0.3, 0.3):
             for y in (-1, 1):
-                body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[wheel, 0.035 * car.width_m, wheel],
-                              pos=[x * car.length_m, y * 0.475 * car.width_m, wheel], rgba=[0.07, 0.07, 0.08, 1],
-                              group=_MOVING_GROUP)
+                body.add_geom(
+                    type=mujoco.mjtGeom.mjGEOM_BOX,
+                    size=[wheel, 0.035 * car.width_m, wheel],
+                    pos=[x * car.length_m, y * 0.475 * car.width_m, wheel],
+                    rgba=[0.07, 0.07, 0.08, 1],
+                    group=_MOVING_GROUP,
+                )
         for grow, alpha in ((0.02, 0.22), (0.05, 0.16), (0.085, 0.12)):
-            body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, pos=[0, 0, 0.002 + 0.02 * grow], rgba=[0, 0, 0, alpha],
-                          size=[car.length_m / 2 + grow, car.width_m / 2 + grow, 0.0004], group=_MOVING_GROUP)
+            body.add_geom(
+                type=mujoco.mjtGeom.mjGEOM_BOX,
+                pos=[0, 0, 0.002 + 0.02 * grow],
+                rgba=[0, 0, 0, alpha],
+                size=[car.length_m / 2 + grow, car.width_m / 2 + grow, 0.0004],
+                group=_MOVING_GROUP,
+            )
 
     def _vehicle_shadow(self) -> None:
         body = self.spec.worldbody.add_body(mocap=True)
@@ -254,10 +344,20 @@ class _Builder:
         dark = [0, 0, 0, 0.4]
         body.add_geom(type=disc, size=[0.09, 0.0004, 0], pos=[0, 0, 0.006], rgba=dark, group=_MOVING_GROUP)
         for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-            body.add_geom(type=disc, size=[0.1, 0.0004, 0], pos=[0.25 * x, 0.25 * y, 0.006], rgba=[0, 0, 0, 0.28],
-                          group=_MOVING_GROUP)
-            body.add_geom(type=box, size=[0.03 if x else 0.012, 0.03 if y else 0.012, 0.0004],
-                          pos=[0.12 * x, 0.12 * y, 0.006], rgba=dark, group=_MOVING_GROUP)
+            body.add_geom(
+                type=disc,
+                size=[0.1, 0.0004, 0],
+                pos=[0.25 * x, 0.25 * y, 0.006],
+                rgba=[0, 0, 0, 0.28],
+                group=_MOVING_GROUP,
+            )
+            body.add_geom(
+                type=box,
+                size=[0.03 if x else 0.012, 0.03 if y else 0.012, 0.0004],
+                pos=[0.12 * x, 0.12 * y, 0.006],
+                rgba=dark,
+                group=_MOVING_GROUP,
+            )
 
 
 def _yaw_quat(heading_rad: float) -> list[float]:

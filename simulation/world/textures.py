@@ -14,8 +14,9 @@ Field = NDArray[np.float32]
 Rgb = tuple[int, int, int]
 
 
-def value_noise(rng: np.random.Generator, size_px: int, cells: int, octaves: int = 4,
-                persistence: float = 0.55) -> Field:
+def value_noise(
+    rng: np.random.Generator, size_px: int, cells: int, octaves: int = 4, persistence: float = 0.55
+) -> Field:
     """Smooth random field (size, size), about 0 to 1, that repeats without a seam.
 
     Args:
@@ -46,7 +47,7 @@ def _periodic_resize(grid: Field, size_px: int) -> Field:
     scale = size_px / count
     large = np.asarray(cv2.resize(padded, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC), np.float32)
     margin = round(2 * scale)
-    return large[margin:margin + size_px, margin:margin + size_px]
+    return large[margin : margin + size_px, margin : margin + size_px]
 
 
 def blend(low: Rgb, high: Rgb, amount: Field) -> Picture:
@@ -119,9 +120,9 @@ def car_paint(rng: np.random.Generator, bonnet: Rgb, roof: Rgb, boot: Rgb, strip
     height, width = 256, 512
     picture = np.empty((height, width, 3), np.uint8)
     picture[:] = roof
-    picture[:, int(0.66 * width):] = bonnet
-    picture[:, :int(0.25 * width)] = boot
-    picture[int(0.80 * height):] = stripe
+    picture[:, int(0.66 * width) :] = bonnet
+    picture[:, : int(0.25 * width)] = boot
+    picture[int(0.80 * height) :] = stripe
     _glass(picture, [(0.74, 0.09), (0.74, 0.91), (0.615, 0.83), (0.615, 0.17)])
     _glass(picture, [(0.205, 0.12), (0.205, 0.88), (0.30, 0.82), (0.30, 0.18)])
     for side in (0.085, 0.915):

@@ -87,8 +87,7 @@ def motion_at(history: Sequence[Motion], t_ns: int, longest_extrapolation_ns: in
             return None
         dt = (t_ns - newest.t_ns) / 1e9
         attitude = quat_multiply(newest.ned_q_body, quat_exp(newest.body_rates_rad_s * dt))
-        return Motion(t_ns, newest.ned_p_m + newest.ned_v_m_s * dt, newest.ned_v_m_s, attitude,
-                      newest.body_rates_rad_s)
+        return Motion(t_ns, newest.ned_p_m + newest.ned_v_m_s * dt, newest.ned_v_m_s, attitude, newest.body_rates_rad_s)
     after = bisect_right(history, t_ns, key=lambda motion: motion.t_ns)
     return _between(history[after - 1], history[after], t_ns)
 
@@ -98,7 +97,15 @@ def _between(a: Motion, b: Motion, t_ns: int) -> Motion:
     u = (t_ns - a.t_ns) / (b.t_ns - a.t_ns)
     # Hermite basis: p = h00 p0 + h10 T v0 + h01 p1 + h11 T v1
     h01 = u * u * (3 - 2 * u)
-    position = ((1 - h01) * a.ned_p_m + h01 * b.ned_p_m
-                + span * (u * (1 - u) ** 2 * a.ned_v_m_s - u * u * (1 - u) * b.ned_v_m_s))
-    return Motion(t_ns, position, (1 - u) * a.ned_v_m_s + u * b.ned_v_m_s, slerp(a.ned_q_body, b.ned_q_body, u),
-                  (1 - u) * a.body_rates_rad_s + u * b.body_rates_rad_s)
+    position = (
+        (1 - h01) * a.ned_p_m
+        + h01 * b.ned_p_m
+        + span * (u * (1 - u) ** 2 * a.ned_v_m_s - u * u * (1 - u) * b.ned_v_m_s)
+    )
+    return Motion(
+        t_ns,
+        position,
+        (1 - u) * a.ned_v_m_s + u * b.ned_v_m_s,
+        slerp(a.ned_q_body, b.ned_q_body, u),
+        (1 - u) * a.body_rates_rad_s + u * b.body_rates_rad_s,
+    )

@@ -24,9 +24,18 @@ from tests.browser.scripted import Script, ScriptedVehicle
 from tests.machine import chromium
 
 ROOT = Path(__file__).parents[2]
-FLAGS = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
-         "--disable-background-networking", "--disable-component-update", "--disable-sync", "--use-angle=swiftshader",
-         "--enable-unsafe-swiftshader"]
+FLAGS = [
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+]
 WAIT_MS = 20_000
 
 
@@ -69,8 +78,11 @@ class Console:
         tables = {"bus": msgspec.to_builtins(bus_config), "console": {"port": port}}
         self._log = log.open("wb")
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "tests.browser.console_process", json.dumps(tables)], cwd=ROOT, stderr=self._log,
-            stdout=subprocess.DEVNULL)
+            [sys.executable, "-m", "tests.browser.console_process", json.dumps(tables)],
+            cwd=ROOT,
+            stderr=self._log,
+            stdout=subprocess.DEVNULL,
+        )
         wait_for(lambda: self._listens(port), what="the console's port")
 
     def _listens(self, port: int) -> bool:
@@ -139,7 +151,7 @@ class View:
         """Share of the middle of the canvas, 120 px square, that has a colour, 0 to 1."""
         pixels = self.pixels().astype(int)
         row, column = pixels.shape[0] // 2, pixels.shape[1] // 2
-        middle = pixels[row - 60:row + 60, column - 60:column + 60]
+        middle = pixels[row - 60 : row + 60, column - 60 : column + 60]
         return float((np.abs(middle - bgr).max(axis=2) < tolerance).mean())
 
     def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:

@@ -34,15 +34,18 @@ from common.session import BusConfig
 from common.topics import COMMANDS, health_topic
 
 NODES = ("camera", "helm", "pursuit", "recorder", "world")
-CHECKS = (PreflightItem(name="position", ok=True, detail="fused, 0.3 m"),
-          PreflightItem(name="camera", ok=True, detail="20.0 Hz, 45 ms old"))
+CHECKS = (
+    PreflightItem(name="position", ok=True, detail="fused, 0.3 m"),
+    PreflightItem(name="camera", ok=True, detail="20.0 Hz, 45 ms old"),
+)
 
 
 def ground_picture(camera: Camera) -> np.ndarray:
     """A meadow with a path, (H, W, 3), BGR."""
     rng = np.random.default_rng(7)
-    coarse = cv2.resize(rng.normal(0, 1, (24, 32)).astype(np.float32), (camera.width, camera.height),
-                        interpolation=cv2.INTER_CUBIC)
+    coarse = cv2.resize(
+        rng.normal(0, 1, (24, 32)).astype(np.float32), (camera.width, camera.height), interpolation=cv2.INTER_CUBIC
+    )
     fine = rng.normal(0, 1, (camera.height, camera.width)).astype(np.float32)
     tone = 12 * coarse + 4 * fine
     picture = np.stack((52 + tone * 0.6, 96 + tone, 84 + tone * 0.9), axis=2)
@@ -154,15 +157,25 @@ class ScriptedVehicle:
         cv2.circle(picture, (round(x + 12 * math.cos(angle)), round(y + 12 * math.sin(angle))), 9, (70, 60, 60), -1)
         capture_ns = time.monotonic_ns()
         _, jpeg = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 80])
-        image = Image(camera="down", width=self.camera.width, height=self.camera.height, encoding="jpeg",
-                      data=jpeg.tobytes())
+        image = Image(
+            camera="down", width=self.camera.width, height=self.camera.height, encoding="jpeg", data=jpeg.tobytes()
+        )
         self._buses["camera"].publish("camera/down/jpeg", image, capture_ns)
         self.captures.append(capture_ns)
         if not self.script.track_state:
             return
-        track = Track(state=self.script.track_state, x_px=x, y_px=y, width_px=74, height_px=38, angle_rad=angle,  # type: ignore[arg-type]
-                      distance=0.12 if self.script.track_state == "tracking" else 0.61, distance_limit=0.45,
-                      error=((240 - y) / 440, (x - 320) / 440), error_m=1.0)
+        track = Track(
+            state=self.script.track_state,
+            x_px=x,
+            y_px=y,
+            width_px=74,
+            height_px=38,
+            angle_rad=angle,  # type: ignore[arg-type]
+            distance=0.12 if self.script.track_state == "tracking" else 0.61,
+            distance_limit=0.45,
+            error=((240 - y) / 440, (x - 320) / 440),
+            error_m=1.0,
+        )
         self._buses["pursuit"].publish("pursuit/track", track, capture_ns)
 
     def _state(self, t_s: float) -> None:
@@ -171,28 +184,69 @@ class ScriptedVehicle:
         north, east, down = s.position_m
         position = (north + 2 * math.cos(0.2 * t_s), east + 2 * math.sin(0.2 * t_s), down)
         velocity = (-0.4 * math.sin(0.2 * t_s), 0.4 * math.cos(0.2 * t_s), 0.0)
-        self._buses["helm"].publish("helm/state", VehicleState(
-            ned_p_m=position, ned_v_m_s=velocity, ned_q_body=attitude, body_rates_rad_s=(0.0, 0.0, 0.0),
-            armed=s.armed, in_air=s.in_air, mode=s.mode, battery_fraction=s.battery))
+        self._buses["helm"].publish(
+            "helm/state",
+            VehicleState(
+                ned_p_m=position,
+                ned_v_m_s=velocity,
+                ned_q_body=attitude,
+                body_rates_rad_s=(0.0, 0.0, 0.0),
+                armed=s.armed,
+                in_air=s.in_air,
+                mode=s.mode,
+                battery_fraction=s.battery,
+            ),
+        )
         if s.in_air:
-            self._buses["helm"].publish("helm/setpoint", Setpoint(
-                source=s.source, asked_ned_v_m_s=(1.1, 0.9, 0.0), ned_v_m_s=(0.8, 0.5, 0.0), height_m=5.0, yaw_rad=0.5))
+            self._buses["helm"].publish(
+                "helm/setpoint",
+                Setpoint(
+                    source=s.source,
+                    asked_ned_v_m_s=(1.1, 0.9, 0.0),
+                    ned_v_m_s=(0.8, 0.5, 0.0),
+                    height_m=5.0,
+                    yaw_rad=0.5,
+                ),
+            )
 
     def _status(self) -> None:
         s = self.script
-        self._buses["helm"].publish("helm/status", HelmStatus(
-            state=s.state, source=s.source, reason=s.reason, streaming=s.in_air, mode=s.mode, armed=s.armed,
-            in_air=s.in_air, limiter_zone=s.zone, limiter_distance_m=s.distance_m, request_age_ms=42.0,
-            preflight=s.preflight))
+        self._buses["helm"].publish(
+            "helm/status",
+            HelmStatus(
+                state=s.state,
+                source=s.source,
+                reason=s.reason,
+                streaming=s.in_air,
+                mode=s.mode,
+                armed=s.armed,
+                in_air=s.in_air,
+                limiter_zone=s.zone,
+                limiter_distance_m=s.distance_m,
+                request_age_ms=42.0,
+                preflight=s.preflight,
+            ),
+        )
         if s.obstacles:
             self._buses["world"].publish("obstacles/near", Obstacles(obstacles=s.obstacles))
 
     def _housekeeping(self) -> None:
         now_ns = time.monotonic_ns()
         for name, bus in list(self._buses.items()):
-            bus.publish(health_topic(name).name, Health(
-                node=name, pid=1000, steps=200, step_ms_median=3.1, step_ms_max=9.0, input_age_ms={}, dropped={},
-                rejected={}, errors=0))
+            bus.publish(
+                health_topic(name).name,
+                Health(
+                    node=name,
+                    pid=1000,
+                    steps=200,
+                    step_ms_median=3.1,
+                    step_ms_max=9.0,
+                    input_age_ms={},
+                    dropped={},
+                    rejected={},
+                    errors=0,
+                ),
+            )
         with contextlib.suppress(KeyError):
             self._buses["camera"].publish("camera/down/info", self.camera.info("down"))
             self._buses["helm"].publish("session", Session(vehicle="kite", monotonic_ns=now_ns, utc_ns=time.time_ns()))

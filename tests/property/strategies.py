@@ -44,8 +44,9 @@ def images() -> st.SearchStrategy[Image]:
             data = bytes([byte]) * (width * height * {"bgr8": 3, "gray8": 1}[encoding])
         return Image(camera="down", width=width, height=height, encoding=typing.cast(Any, encoding), data=data)
 
-    return st.builds(fill, st.integers(1, 20), st.integers(1, 20), st.sampled_from(("bgr8", "gray8", "jpeg")),
-                     st.integers(0, 255))
+    return st.builds(
+        fill, st.integers(1, 20), st.integers(1, 20), st.sampled_from(("bgr8", "gray8", "jpeg")), st.integers(0, 255)
+    )
 
 
 # Fields whose promise is narrower than their type; a new one that is missing here fails the tests by name.
@@ -81,8 +82,9 @@ def any_message() -> st.SearchStrategy[Message]:
 def headers(schema: int) -> st.SearchStrategy[Header]:
     """Headers of messages with this schema hash."""
     references = st.builds(InputRef, text, int64, text, int64, int64, int64)
-    return st.builds(Header, st.just(schema), text, int64, int64, int64, int64,
-                     st.lists(references, max_size=3).map(tuple))
+    return st.builds(
+        Header, st.just(schema), text, int64, int64, int64, int64, st.lists(references, max_size=3).map(tuple)
+    )
 
 
 def is_valid(message: Message) -> bool:
@@ -96,8 +98,14 @@ def is_valid(message: Message) -> bool:
 
 def _of_type(kind: Any) -> st.SearchStrategy[Any]:
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
-    simple = {bool: st.booleans(), int: int64, float: numbers, str: text, bytes: st.binary(max_size=50),
-              type(None): st.none()}
+    simple = {
+        bool: st.booleans(),
+        int: int64,
+        float: numbers,
+        str: text,
+        bytes: st.binary(max_size=50),
+        type(None): st.none(),
+    }
     if kind in simple:
         return simple[kind]
     if origin is Literal:

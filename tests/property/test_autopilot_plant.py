@@ -45,10 +45,12 @@ def test_mixing_stays_within_the_rotors_and_keeps_the_torque_direction(thrust_n:
         assert given_torque[axis] * torque[axis] >= -1e-9
 
 
-@given(st.tuples(RATE, RATE, RATE), st.tuples(COMMAND, COMMAND, COMMAND, COMMAND),
-       st.tuples(*[st.floats(-20.0, 20.0)] * 3))
+@given(
+    st.tuples(RATE, RATE, RATE), st.tuples(COMMAND, COMMAND, COMMAND, COMMAND), st.tuples(*[st.floats(-20.0, 20.0)] * 3)
+)
 def test_a_step_keeps_the_quaternion_unit_and_never_sinks_into_the_ground(
-        rates: plant.Vec3, commands: plant.Rotors, wind: plant.Vec3) -> None:
+    rates: plant.Vec3, commands: plant.Rotors, wind: plant.Vec3
+) -> None:
     state = PlantState(ned_p_m=(0.0, 0.0, -0.2), body_rates_rad_s=rates, on_ground=False)
     for _ in range(100):
         state = plant.step(AIRFRAME, state, commands, 0.004, wind)

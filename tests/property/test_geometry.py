@@ -48,9 +48,15 @@ def cameras(draw: st.DrawFn) -> Camera:
     tiny = st.floats(-0.002, 0.002)
     focal = draw(st.floats(300.0, 900.0))
     return Camera(
-        640, 480, focal, focal * draw(st.floats(0.95, 1.05)), draw(st.floats(300.0, 340.0)),
-        draw(st.floats(220.0, 260.0)), (draw(small), draw(small), draw(tiny), draw(tiny), 0.0),
-        as_quat(draw(quaternions())), (0.0, 0.0, 0.0),
+        640,
+        480,
+        focal,
+        focal * draw(st.floats(0.95, 1.05)),
+        draw(st.floats(300.0, 340.0)),
+        draw(st.floats(220.0, 260.0)),
+        (draw(small), draw(small), draw(tiny), draw(tiny), 0.0),
+        as_quat(draw(quaternions())),
+        (0.0, 0.0, 0.0),
     )
 
 
@@ -131,8 +137,9 @@ def test_projection_undoes_rays(camera: Camera, x: float, y: float) -> None:
 
 
 @given(cameras(), quaternions(), st.floats(-2.0, 2.0), st.floats(-2.0, 2.0), st.floats(0.5, 50.0))
-def test_tangents_do_not_depend_on_the_attitude(camera: Camera, ned_q_body: np.ndarray, north: float, east: float,
-                                                height_m: float) -> None:
+def test_tangents_do_not_depend_on_the_attitude(
+    camera: Camera, ned_q_body: np.ndarray, north: float, east: float, height_m: float
+) -> None:
     ned_point = height_m * np.array([north, east, 1.0])
     optical = quat_rotate(quat_conjugate(camera.body_q_camera), quat_rotate(quat_conjugate(ned_q_body), ned_point))
 

@@ -24,8 +24,12 @@ BOUNDS = ContainmentConfig(radius_m=20.0, fence_band_m=5.0, height_max_m=10.0)
 
 @st.composite
 def _candidate(draw, source: str) -> Candidate:
-    request = Request(frame=draw(st.sampled_from(["ned", "heading"])), vector=(draw(_ANY), draw(_ANY), draw(_ANY)),
-                      yaw_rate_rad_s=draw(_ANY), valid_ms=draw(st.floats(0.0, 10_000.0)))
+    request = Request(
+        frame=draw(st.sampled_from(["ned", "heading"])),
+        vector=(draw(_ANY), draw(_ANY), draw(_ANY)),
+        yaw_rate_rad_s=draw(_ANY),
+        valid_ms=draw(st.floats(0.0, 10_000.0)),
+    )
     basis_ns = NOW + draw(st.integers(-2_000_000_000, 500_000_000))
     return Candidate(source, request, basis_ns, basis_ns + draw(st.integers(0, 1_000_000_000)))
 

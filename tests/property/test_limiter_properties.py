@@ -28,8 +28,11 @@ def _unit(draw) -> tuple[float, float, float]:
 
 @st.composite
 def _obstacle(draw) -> Obstacle:
-    return Obstacle(distance_m=draw(st.floats(0.0, 12.0)), ned_direction=draw(_unit()),
-                    ned_v_m_s=draw(st.one_of(st.just((0.0, 0.0, 0.0)), st.tuples(_SPEED, _SPEED, _SPEED))))
+    return Obstacle(
+        distance_m=draw(st.floats(0.0, 12.0)),
+        ned_direction=draw(_unit()),
+        ned_v_m_s=draw(st.one_of(st.just((0.0, 0.0, 0.0)), st.tuples(_SPEED, _SPEED, _SPEED))),
+    )
 
 
 _OBSTACLES = st.lists(_obstacle(), max_size=8)
@@ -64,8 +67,14 @@ def test_what_approaches_nothing_passes_unchanged(asked, obstacles):
 def test_it_has_no_preferred_direction(asked, obstacles, angle, axis):
     q = np.concatenate(([math.cos(angle / 2)], math.sin(angle / 2) * np.array(axis)))
     q /= np.linalg.norm(q)
-    turned = [Obstacle(distance_m=o.distance_m, ned_direction=tuple(quat_rotate(q, o.ned_direction)),
-                       ned_v_m_s=tuple(quat_rotate(q, o.ned_v_m_s))) for o in obstacles]
+    turned = [
+        Obstacle(
+            distance_m=o.distance_m,
+            ned_direction=tuple(quat_rotate(q, o.ned_direction)),
+            ned_v_m_s=tuple(quat_rotate(q, o.ned_v_m_s)),
+        )
+        for o in obstacles
+    ]
     straight = quat_rotate(q, limit(asked, obstacles, CONFIG).ned_v_m_s)
     north, east, down = (float(c) for c in quat_rotate(q, asked))
     rotated = np.array(limit((north, east, down), turned, CONFIG).ned_v_m_s)
@@ -96,6 +105,6 @@ def test_repulsion_grows_as_the_obstacle_comes_nearer(v_i, h_a, h_b):
 @settings(max_examples=300, deadline=None)
 def test_the_result_is_continuous_in_the_distance(asked, obstacle, distance):
     def at(d: float) -> np.ndarray:
-        return np.array(limit(asked, [Obstacle(distance_m=d, ned_direction=obstacle.ned_direction)],
-                              CONFIG).ned_v_m_s)
+        return np.array(limit(asked, [Obstacle(distance_m=d, ned_direction=obstacle.ned_direction)], CONFIG).ned_v_m_s)
+
     assert np.linalg.norm(at(distance) - at(distance + 1e-5)) < 1e-2

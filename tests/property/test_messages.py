@@ -61,8 +61,9 @@ def test_round_trip(kind: type[Message], data: st.DataObject) -> None:
 @pytest.mark.parametrize("kind", WITH_NUMBERS, ids=lambda k: k.__name__)
 @FEW
 @given(data=st.data(), poison=st.sampled_from((math.nan, math.inf, -math.inf)))
-def test_a_number_that_is_not_finite_is_rejected_wherever_it_stands(kind: type[Message], data: st.DataObject,
-                                                                     poison: float) -> None:
+def test_a_number_that_is_not_finite_is_rejected_wherever_it_stands(
+    kind: type[Message], data: st.DataObject, poison: float
+) -> None:
     plain = msgspec.to_builtins(data.draw(messages(kind)))
     places = list(paths_of_floats(plain))
     assume(places)
@@ -89,8 +90,9 @@ def test_random_bytes_are_rejected_by_name(kind: type[Message], payload: bytes, 
 @pytest.mark.parametrize("kind", TYPES, ids=lambda k: k.__name__)
 @FEW
 @given(data=st.data(), payload=st.binary(max_size=200))
-def test_random_bytes_behind_a_good_header_are_rejected_or_valid(kind: type[Message], data: st.DataObject,
-                                                                 payload: bytes) -> None:
+def test_random_bytes_behind_a_good_header_are_rejected_or_valid(
+    kind: type[Message], data: st.DataObject, payload: bytes
+) -> None:
     header = data.draw(headers(schema_hash(kind)))
     try:
         _, message = decode(kind, payload, msgspec.msgpack.encode((header, None)))
@@ -110,7 +112,7 @@ def test_damaged_bytes_are_rejected_or_valid(data: st.DataObject) -> None:
     for _ in range(data.draw(st.integers(1, 3))):
         part[data.draw(st.integers(0, len(part) - 1))] = data.draw(st.integers(0, 255))
     payload, attachment = (bytes(p) for p in parts)
-    payload = payload[:data.draw(st.integers(0, len(payload)))]
+    payload = payload[: data.draw(st.integers(0, len(payload)))]
     try:
         _, arrived = decode(type(message), payload, attachment)
     except Rejected as refusal:
@@ -126,7 +128,7 @@ def test_a_truncated_picture_is_rejected(picture: Image, data: st.DataObject) ->
     payload, attachment = encode(header, picture)
 
     with pytest.raises(Rejected) as refusal:
-        decode(Image, payload[:data.draw(st.integers(0, len(payload) - 1))], attachment)
+        decode(Image, payload[: data.draw(st.integers(0, len(payload) - 1))], attachment)
     assert refusal.value.reason == "content"
 
 

@@ -16,14 +16,27 @@ _DT_S = 0.02
 @st.composite
 def paths(draw: st.DrawFn) -> PathConfig:
     mode: Literal["loop", "ping_pong"] = draw(st.sampled_from(["loop", "ping_pong"]))  # type: ignore[assignment]
-    waypoints = draw(st.lists(st.builds(
-        WaypointConfig, north_m=st.floats(-20, 20), east_m=st.floats(-20, 20), speed_m_s=st.floats(0.2, 1.5),
-        stop_s=st.one_of(st.just(0.0), st.floats(0.5, 4.0)),
-    ), min_size=3, max_size=7))
+    waypoints = draw(
+        st.lists(
+            st.builds(
+                WaypointConfig,
+                north_m=st.floats(-20, 20),
+                east_m=st.floats(-20, 20),
+                speed_m_s=st.floats(0.2, 1.5),
+                stop_s=st.one_of(st.just(0.0), st.floats(0.5, 4.0)),
+            ),
+            min_size=3,
+            max_size=7,
+        )
+    )
     path = PathConfig(
-        waypoints=tuple(waypoints), mode=mode, turn_radius_m=draw(st.floats(0.3, 3.0)),
-        acceleration_m_s2=draw(st.floats(0.3, 1.5)), lateral_acceleration_m_s2=draw(st.floats(0.3, 1.5)),
-        turn_rate_rad_s=draw(st.floats(0.3, 1.5)), speed_scale=draw(st.floats(0.5, 2.0)),
+        waypoints=tuple(waypoints),
+        mode=mode,
+        turn_radius_m=draw(st.floats(0.3, 3.0)),
+        acceleration_m_s2=draw(st.floats(0.3, 1.5)),
+        lateral_acceleration_m_s2=draw(st.floats(0.3, 1.5)),
+        turn_rate_rad_s=draw(st.floats(0.3, 1.5)),
+        speed_scale=draw(st.floats(0.5, 2.0)),
         start_delay_s=draw(st.floats(0.0, 5.0)),
     )
     try:

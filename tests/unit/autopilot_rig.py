@@ -57,8 +57,11 @@ class Peer:
 
     def setpoint(self, mask: int, frame: int = 1, **fields: float) -> None:
         names = ("x", "y", "z", "vx", "vy", "vz", "afx", "afy", "afz", "yaw", "yaw_rate")
-        self.send(mavlink.MAVLink_set_position_target_local_ned_message(
-            0, 1, 1, frame, mask, *(fields.get(n, 0.0) for n in names)))
+        self.send(
+            mavlink.MAVLink_set_position_target_local_ned_message(
+                0, 1, 1, frame, mask, *(fields.get(n, 0.0) for n in names)
+            )
+        )
 
     def collect(self, t_s: float) -> None:
         while True:

@@ -15,10 +15,23 @@ from onboard.helm.telemetry import AttitudeSample, PositionSample, Telemetry
 
 STEP_NS = 20_000_000
 START_NS = 10_000_000_000
-SECTIONS = {"bus": "common.session:BusConfig", "helm": "onboard.helm.config:HelmConfig",
-            "limiter": "onboard.limiter.config:LimiterConfig"}
-INFO = CameraInfo(camera="down", width=640, height=480, fx_px=500, fy_px=500, cx_px=320, cy_px=240,
-                  body_q_camera=(1, 0, 0, 0), body_p_camera_m=(0, 0, 0), rate_hz=20)
+SECTIONS = {
+    "bus": "common.session:BusConfig",
+    "helm": "onboard.helm.config:HelmConfig",
+    "limiter": "onboard.limiter.config:LimiterConfig",
+}
+INFO = CameraInfo(
+    camera="down",
+    width=640,
+    height=480,
+    fx_px=500,
+    fy_px=500,
+    cx_px=320,
+    cy_px=240,
+    body_q_camera=(1, 0, 0, 0),
+    body_p_camera_m=(0, 0, 0),
+    rate_hz=20,
+)
 
 
 @dataclass
@@ -36,8 +49,14 @@ class VehicleDouble:
     takeoffs_that_fail: int = 0
     refuses: tuple[Kind, ...] = ()
     ignores: tuple[Kind, ...] = ()
-    parameters: dict[str, float] = field(default_factory=lambda: {
-        "COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": 0, "RTL_RETURN_ALT": 60.0, "MIS_TAKEOFF_ALT": 2.5})
+    parameters: dict[str, float] = field(
+        default_factory=lambda: {
+            "COM_OF_LOSS_T": 1.0,
+            "COM_OBL_RC_ACT": 0,
+            "RTL_RETURN_ALT": 60.0,
+            "MIS_TAKEOFF_ALT": 2.5,
+        }
+    )
     home: tuple[float, float, float] | None = (0.0, 0.0, 0.0)
     battery: float = 0.9
     t_ns: int = START_NS
@@ -87,10 +106,22 @@ class VehicleDouble:
         x, y, z = self.p
         vx, vy, vz = self.v
         self._heard = Telemetry(
-            found=True, attitude=attitude, attitudes=(attitude,),
-            position=PositionSample(stamp_ns, (x, y, z), (vx, vy, vz)), home_local_m=self.home, mode=self.mode,
-            mode_ns=t_ns, armed=self.armed, armed_known=True, in_air=self.height_m > 0.05, landed_known=True,
-            ready=True, critical=self.critical, battery_fraction=self.battery, heard_ns=t_ns)
+            found=True,
+            attitude=attitude,
+            attitudes=(attitude,),
+            position=PositionSample(stamp_ns, (x, y, z), (vx, vy, vz)),
+            home_local_m=self.home,
+            mode=self.mode,
+            mode_ns=t_ns,
+            armed=self.armed,
+            armed_known=True,
+            in_air=self.height_m > 0.05,
+            landed_known=True,
+            ready=True,
+            critical=self.critical,
+            battery_fraction=self.battery,
+            heard_ns=t_ns,
+        )
         return self._heard
 
     def send(self, setpoint: LocalSetpoint) -> bool:
@@ -120,7 +151,8 @@ class VehicleDouble:
             self.takeoffs_that_fail -= 1
         else:
             self.mode = {Kind.TAKEOFF: "TAKEOFF", Kind.LAND: "LAND", Kind.HOLD: "HOLD", Kind.OFFBOARD: "OFFBOARD"}[
-                action.kind]
+                action.kind
+            ]
         return ActionResult(action, True)
 
     def results(self) -> list[ActionResult]:

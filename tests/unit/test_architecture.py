@@ -29,24 +29,39 @@ LIBRARIES = {
 }
 # Shells talk to the bus, a device or an operator; everything else in a capability's folder is an algorithm or data.
 SHELLS = (
-    "node.py", "process.py",
-    "onboard/helm/autopilot_link.py",   # MAVSDK
-    "onboard/helm/lock.py",             # one helm a vehicle
-    "onboard/camera/source.py",         # cameras and files
-    "ground/recorder/intake.py",        # the queue between threads
-    "ground/console/",                  # all of it is the operator's page
-    "simulation/demo/",                 # starts processes, flies the demonstration
-    "simulation/world/truth_port.py",   # MAVLink
-    "simulation/world/gl.py",           # the renderer's driver
-    "simulation/autopilot/link.py", "simulation/autopilot/mavlink.py", "simulation/autopilot/telemetry.py",
-    "simulation/autopilot/rates.py",    # MAVLink
+    "node.py",
+    "process.py",
+    "onboard/helm/autopilot_link.py",  # MAVSDK
+    "onboard/helm/lock.py",  # one helm a vehicle
+    "onboard/camera/source.py",  # cameras and files
+    "ground/recorder/intake.py",  # the queue between threads
+    "ground/console/",  # all of it is the operator's page
+    "simulation/demo/",  # starts processes, flies the demonstration
+    "simulation/world/truth_port.py",  # MAVLink
+    "simulation/world/gl.py",  # the renderer's driver
+    "simulation/autopilot/link.py",
+    "simulation/autopilot/mavlink.py",
+    "simulation/autopilot/telemetry.py",
+    "simulation/autopilot/rates.py",  # MAVLink
 )
 CAPABILITIES = ("common/geometry/", "common/tracking/", "onboard/", "ground/", "simulation/")
 # What would tie an algorithm to the bus, a device, or the time of day.
 NOT_FOR_ALGORITHMS = {
-    "common.session", "common.bus", "common.node", "common.runner",
-    "common.launch", "common.recording", "zenoh", "mavsdk", "pymavlink",
-    "viser", "socket", "subprocess", "threading", "time", "datetime",
+    "common.session",
+    "common.bus",
+    "common.node",
+    "common.runner",
+    "common.launch",
+    "common.recording",
+    "zenoh",
+    "mavsdk",
+    "pymavlink",
+    "viser",
+    "socket",
+    "subprocess",
+    "threading",
+    "time",
+    "datetime",
 }
 # Settings that a library reads when it is first imported have to stand before that import.
 RUNS_AT_IMPORT = ("simulation/world/gl.py",)
@@ -79,8 +94,11 @@ def imports(module: str) -> Iterator[str]:
 def texts(module: str) -> Iterator[tuple[int, str]]:
     """Line and content of every text in a module, docstrings left out."""
     documented = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
-    docstrings = {id(n.body[0].value) for n in ast.walk(tree_of(module)) if isinstance(n, documented) and n.body
-                  and isinstance(n.body[0], ast.Expr)}
+    docstrings = {
+        id(n.body[0].value)
+        for n in ast.walk(tree_of(module))
+        if isinstance(n, documented) and n.body and isinstance(n.body[0], ast.Expr)
+    }
     # A text on its own below a field is that field's docstring.
     docstrings |= {id(n.value) for n in ast.walk(tree_of(module)) if isinstance(n, ast.Expr)}
     for node in ast.walk(tree_of(module)):
@@ -92,7 +110,8 @@ def is_algorithm(module: str) -> bool:
     """Whether a module has to be free of bus, devices and clocks."""
     in_capability = any(module.startswith(folder) for folder in CAPABILITIES)
     return in_capability and not any(
-        module.startswith(s) if s.endswith("/") else module == s or Path(module).name == s for s in SHELLS)
+        module.startswith(s) if s.endswith("/") else module == s or Path(module).name == s for s in SHELLS
+    )
 
 
 def test_the_modules_are_found() -> None:
@@ -163,8 +182,15 @@ def test_files_and_functions_stay_readable(module: str) -> None:
 @pytest.mark.parametrize("module", [m for m in modules() if m not in RUNS_AT_IMPORT])
 def test_nothing_runs_at_import(module: str) -> None:
     """A module's top level holds definitions, constants and imports."""
-    allowed = (ast.Import, ast.ImportFrom, ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef, ast.Assign,
-               ast.AnnAssign)
+    allowed = (
+        ast.Import,
+        ast.ImportFrom,
+        ast.FunctionDef,
+        ast.AsyncFunctionDef,
+        ast.ClassDef,
+        ast.Assign,
+        ast.AnnAssign,
+    )
     for node in tree_of(module).body:
         if isinstance(node, allowed):
             continue

@@ -21,8 +21,14 @@ HOVER = MotionSetpoint(ned_p_m=(NAN, NAN, -20.0), ned_v_m_s=(0.0, 0.0, NAN), yaw
 def quiet(drag_n_s_m: float, wind_ned_m_s: Vec3 = (0.0, 0.0, 0.0)) -> AutopilotSimConfig:
     """Configuration without noise."""
     return AutopilotSimConfig(
-        drag_n_s_m=drag_n_s_m, wind_ned_m_s=wind_ned_m_s, position_noise_m=0.0, velocity_noise_m_s=0.0,
-        climb_noise_m_s=0.0, attitude_noise_rad=0.0, parameters={"MIS_TAKEOFF_ALT": 20.0, "COM_DISARM_PRFLT": 0.0})
+        drag_n_s_m=drag_n_s_m,
+        wind_ned_m_s=wind_ned_m_s,
+        position_noise_m=0.0,
+        velocity_noise_m_s=0.0,
+        climb_noise_m_s=0.0,
+        attitude_noise_rad=0.0,
+        parameters={"MIS_TAKEOFF_ALT": 20.0, "COM_DISARM_PRFLT": 0.0},
+    )
 
 
 def hovering(drag_n_s_m: float, wind_ned_m_s: Vec3 = (0.0, 0.0, 0.0)) -> SimulatedVehicle:

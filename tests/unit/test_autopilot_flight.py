@@ -61,9 +61,24 @@ class Pilot:
 
     def stream(self, duration_s: float, north_m_s: float, height_m: float) -> None:
         """Setpoints at 20 Hz: horizontal velocity with held altitude."""
-        fields = {"time_boot_ms": 0, "target_system": 1, "target_component": 1, "coordinate_frame": 1,
-                  "type_mask": 0x5e3, "x": 0, "y": 0, "z": -height_m, "vx": north_m_s, "vy": 0, "vz": 0,
-                  "afx": 0, "afy": 0, "afz": 0, "yaw": 0, "yaw_rate": 0}
+        fields = {
+            "time_boot_ms": 0,
+            "target_system": 1,
+            "target_component": 1,
+            "coordinate_frame": 1,
+            "type_mask": 0x5E3,
+            "x": 0,
+            "y": 0,
+            "z": -height_m,
+            "vx": north_m_s,
+            "vy": 0,
+            "vz": 0,
+            "afx": 0,
+            "afy": 0,
+            "afz": 0,
+            "yaw": 0,
+            "yaw_rate": 0,
+        }
         until_s = time.monotonic() + duration_s
         while time.monotonic() < until_s:
             self.direct.send_message(MavlinkMessage("SET_POSITION_TARGET_LOCAL_NED", 0, 0, 1, 1, json.dumps(fields)))
@@ -71,8 +86,19 @@ class Pilot:
 
     def offboard(self) -> None:
         """Command OFFBOARD."""
-        fields = {"target_system": 1, "target_component": 1, "command": 176, "confirmation": 0, "param1": 1,
-                  "param2": 6, "param3": 0, "param4": 0, "param5": 0, "param6": 0, "param7": 0}
+        fields = {
+            "target_system": 1,
+            "target_component": 1,
+            "command": 176,
+            "confirmation": 0,
+            "param1": 1,
+            "param2": 6,
+            "param3": 0,
+            "param4": 0,
+            "param5": 0,
+            "param6": 0,
+            "param7": 0,
+        }
         self.direct.send_message(MavlinkMessage("COMMAND_LONG", 0, 0, 1, 1, json.dumps(fields)))
 
     def hold_from_the_ground(self) -> None:

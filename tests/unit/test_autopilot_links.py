@@ -33,12 +33,19 @@ def test_messages_appear_in_the_order_of_px4(rig: Rig) -> None:
     first: dict[str, float] = {}
     for t_s, message in rig.companion.inbox:
         first.setdefault(message.get_type(), t_s)
-    expected = {"HIGHRES_IMU": 0.3, "HEARTBEAT": 1.35, "ATTITUDE": 1.8, "HOME_POSITION": 2.4, "BATTERY_STATUS": 2.4,
-                "GLOBAL_POSITION_INT": 2.9}
+    expected = {
+        "HIGHRES_IMU": 0.3,
+        "HEARTBEAT": 1.35,
+        "ATTITUDE": 1.8,
+        "HOME_POSITION": 2.4,
+        "BATTERY_STATUS": 2.4,
+        "GLOBAL_POSITION_INT": 2.9,
+    }
     for name, t_s in expected.items():
         assert first[name] == pytest.approx(t_s, abs=0.01), name
-    ready = [t for t, m in rig.companion.inbox
-             if m.get_type() == "SYS_STATUS" and m.onboard_control_sensors_health & 1 << 28]
+    ready = [
+        t for t, m in rig.companion.inbox if m.get_type() == "SYS_STATUS" and m.onboard_control_sensors_health & 1 << 28
+    ]
     assert ready[0] == pytest.approx(4.5, abs=0.21)
     states = [m.system_status for m in rig.companion.got("HEARTBEAT")]
     assert states[0] == 0 and states[-1] in (0, 3)
@@ -65,11 +72,11 @@ def test_heartbeat_fields_through_a_flight(rig: Rig) -> None:
     assert {(b.type, b.autopilot) for b in beats} == {(2, 12)}
     assert beats[0].base_mode == 29 and beats[0].custom_mode == 0x03040000
     assert beats[-1].base_mode == 157 and beats[-1].system_status == 4
-    rig.companion.setpoint(0x5e3, z=-3.0)
+    rig.companion.setpoint(0x5E3, z=-3.0)
     rig.run(0.1)
     rig.companion.command(176, 1.0, 6.0)
     for _ in range(30):
-        rig.companion.setpoint(0x5e3, z=-3.0)
+        rig.companion.setpoint(0x5E3, z=-3.0)
         rig.run(0.05)
     assert rig.companion.got("HEARTBEAT")[-1].base_mode == 145
     rig.run(2.5)
@@ -99,14 +106,18 @@ def test_offboard_without_a_stream_is_accepted_then_rejected(rig: Rig) -> None:
     assert acks[1][0] - acks[0][0] == pytest.approx(0.008, abs=0.005)
 
 
-@pytest.mark.parametrize(("mask", "frame", "fields", "expected"), [
-    (0x9c7, 1, {"vx": 1.0, "vy": -0.5, "yaw": 0.0}, (1.0, -0.5)),
-    (0x5c7, 8, {"vx": 1.0}, (1.0, 0.0)),
-    (0x5e3, 1, {"vx": -1.0, "vy": 0.5, "z": -3.0}, (-1.0, 0.5)),
-    (0xdc7, 1, {"vx": 1.0, "x": math.nan, "yaw": math.nan}, (1.0, 0.0)),
-])
-def test_velocity_setpoints_by_type_mask(rig: Rig, mask: int, frame: int, fields: dict[str, float],
-                                         expected: tuple[float, float]) -> None:
+@pytest.mark.parametrize(
+    ("mask", "frame", "fields", "expected"),
+    [
+        (0x9C7, 1, {"vx": 1.0, "vy": -0.5, "yaw": 0.0}, (1.0, -0.5)),
+        (0x5C7, 8, {"vx": 1.0}, (1.0, 0.0)),
+        (0x5E3, 1, {"vx": -1.0, "vy": 0.5, "z": -3.0}, (-1.0, 0.5)),
+        (0xDC7, 1, {"vx": 1.0, "x": math.nan, "yaw": math.nan}, (1.0, 0.0)),
+    ],
+)
+def test_velocity_setpoints_by_type_mask(
+    rig: Rig, mask: int, frame: int, fields: dict[str, float], expected: tuple[float, float]
+) -> None:
     rig.take_off()
     for index in range(80):
         rig.companion.setpoint(mask, frame, **fields)
@@ -119,27 +130,31 @@ def test_velocity_setpoints_by_type_mask(rig: Rig, mask: int, frame: int, fields
 def test_acceleration_and_position_setpoints_by_type_mask(rig: Rig) -> None:
     rig.take_off()
     for index in range(44):
-        rig.companion.setpoint(0x53b, afx=1.0, z=-3.0)
+        rig.companion.setpoint(0x53B, afx=1.0, z=-3.0)
         if index == 2:
             rig.companion.command(176, 1.0, 6.0)
         rig.run(0.05)
     assert rig.vehicle.truth.ned_v_m_s[0] == pytest.approx(1.8, abs=0.4)
     for _ in range(240):
-        rig.companion.setpoint(0x9f8, x=1.0, y=2.0, z=-4.0)
+        rig.companion.setpoint(0x9F8, x=1.0, y=2.0, z=-4.0)
         rig.run(0.05)
     assert rig.vehicle.truth.ned_p_m == pytest.approx((1.0, 2.0, -4.0), abs=0.4)
 
 
-@pytest.mark.parametrize(("mask", "frame", "fields", "reason"), [
-    (0x5e3, 1, {"vx": math.inf, "z": -3.0}, "infinite"),
-    (0x5e3, 1, {"vx": math.nan, "z": -3.0}, "incomplete"),
-    (0xfff, 1, {}, "force"),
-    (0xdff, 1, {}, "incomplete"),
-    (0x5e3, 3, {}, "frame"),
-    (0x9f8, 8, {}, "frame"),
-])
-def test_bad_setpoints_are_counted_and_are_no_stream(rig: Rig, mask: int, frame: int, fields: dict[str, float],
-                                                     reason: str) -> None:
+@pytest.mark.parametrize(
+    ("mask", "frame", "fields", "reason"),
+    [
+        (0x5E3, 1, {"vx": math.inf, "z": -3.0}, "infinite"),
+        (0x5E3, 1, {"vx": math.nan, "z": -3.0}, "incomplete"),
+        (0xFFF, 1, {}, "force"),
+        (0xDFF, 1, {}, "incomplete"),
+        (0x5E3, 3, {}, "frame"),
+        (0x9F8, 8, {}, "frame"),
+    ],
+)
+def test_bad_setpoints_are_counted_and_are_no_stream(
+    rig: Rig, mask: int, frame: int, fields: dict[str, float], reason: str
+) -> None:
     rig.run(1.0)
     rig.companion.setpoint(mask, frame, **fields)
     rig.run(0.02)
@@ -150,7 +165,7 @@ def test_bad_setpoints_are_counted_and_are_no_stream(rig: Rig, mask: int, frame:
 def test_hold_from_the_ground_station_wins_over_a_running_stream(rig: Rig) -> None:
     rig.take_off()
     for index in range(100):
-        rig.companion.setpoint(0x5e3, vx=1.0, z=-3.0)
+        rig.companion.setpoint(0x5E3, vx=1.0, z=-3.0)
         if index == 2:
             rig.companion.command(176, 1.0, 6.0)
         if index == 40:
@@ -273,8 +288,9 @@ def test_a_mistyped_parameter_is_refused_with_a_suggestion() -> None:
 
 
 def test_the_process_keeps_real_time_and_stops_at_once() -> None:
-    config = Config({"autopilot": settings(free_ports(6))},
-                    {"autopilot": "simulation.autopilot.config:AutopilotSimConfig"})
+    config = Config(
+        {"autopilot": settings(free_ports(6))}, {"autopilot": "simulation.autopilot.config:AutopilotSimConfig"}
+    )
     stop, codes = threading.Event(), []
     thread = threading.Thread(target=lambda: codes.append(run(config, stop)))
     thread.start()

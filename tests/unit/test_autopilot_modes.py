@@ -13,8 +13,14 @@ DT_S = 0.02
 NO_STREAM = math.inf
 
 
-def situation(t_s: float = 10.0, *, ready: bool = True, landed: bool = False, stream_age_s: float = NO_STREAM,
-              takeoff_done: bool = False) -> Situation:
+def situation(
+    t_s: float = 10.0,
+    *,
+    ready: bool = True,
+    landed: bool = False,
+    stream_age_s: float = NO_STREAM,
+    takeoff_done: bool = False,
+) -> Situation:
     return Situation(t_s, ready, landed, stream_age_s, takeoff_done)
 
 

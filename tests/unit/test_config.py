@@ -79,21 +79,24 @@ def test_values_are_read_and_nested() -> None:
     assert sensor.by_name == {"left": Lens()}
 
 
-@pytest.mark.parametrize(("table", "words"), [
-    ({"rate": 10}, r"kite \[sensor\]: unknown key 'rate'; did you mean 'rate_hz'\?"),
-    ({"zzz": 10}, r"unknown key 'zzz'; expected one of: rate_hz, port"),
-    ({"lens": {"focal": 1.0}}, r"kite \[sensor\]\.lens: unknown key 'focal'; did you mean 'focal_px'\?"),
-    ({"spares": [{}, {"nam": "x"}]}, r"\.spares\[1\]: unknown key 'nam'; did you mean 'name'\?"),
-    ({"by_name": {"left": {"nme": "x"}}}, r"\.by_name\.left: unknown key 'nme'; did you mean 'name'\?"),
-    ({"rate_hz": "quick"}, r"kite \[sensor\]: .*`float`.*rate_hz"),
-    ({"rate_hz": 0}, r"> 0.*rate_hz"),
-    ({"rate_hz": -1.0}, r"> 0.*rate_hz"),
-    ({"share": 1.2}, r"<= 1.*share"),
-    ({"port": 70_000}, r"<= 65535.*port"),
-    ({"steps": 2.5}, r"`int`.*steps"),
-    ({"lens": 3}, r"`object`, got `int`.*lens"),
-    ({"low_m": 3.0}, r"kite \[sensor\]: low_m: got 3.0, expected less than high_m \(2.0\)"),
-])
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ({"rate": 10}, r"kite \[sensor\]: unknown key 'rate'; did you mean 'rate_hz'\?"),
+        ({"zzz": 10}, r"unknown key 'zzz'; expected one of: rate_hz, port"),
+        ({"lens": {"focal": 1.0}}, r"kite \[sensor\]\.lens: unknown key 'focal'; did you mean 'focal_px'\?"),
+        ({"spares": [{}, {"nam": "x"}]}, r"\.spares\[1\]: unknown key 'nam'; did you mean 'name'\?"),
+        ({"by_name": {"left": {"nme": "x"}}}, r"\.by_name\.left: unknown key 'nme'; did you mean 'name'\?"),
+        ({"rate_hz": "quick"}, r"kite \[sensor\]: .*`float`.*rate_hz"),
+        ({"rate_hz": 0}, r"> 0.*rate_hz"),
+        ({"rate_hz": -1.0}, r"> 0.*rate_hz"),
+        ({"share": 1.2}, r"<= 1.*share"),
+        ({"port": 70_000}, r"<= 65535.*port"),
+        ({"steps": 2.5}, r"`int`.*steps"),
+        ({"lens": 3}, r"`object`, got `int`.*lens"),
+        ({"low_m": 3.0}, r"kite \[sensor\]: low_m: got 3.0, expected less than high_m \(2.0\)"),
+    ],
+)
 def test_a_wrong_table_is_one_clear_error(table: dict, words: str) -> None:
     with pytest.raises(ConfigError, match=words) as error:
         build(Sensor, table, "kite [sensor]")
@@ -128,22 +131,33 @@ def test_the_resolved_configuration_is_plain_and_complete() -> None:
 
 
 def test_overrides_are_toml_or_plain_text() -> None:
-    tables = apply_overrides({"sensor": {"rate_hz": 1.0, "port": 1}}, [
-        "sensor.rate_hz=30", "sensor.lens.name=fish eye", "sensor.lens.focal_px = 2.5", "bus.vehicle=\"a b\"",
-        "sensor.spares=[{name='x'}]", "world.deep.down=true",
-    ])
+    tables = apply_overrides(
+        {"sensor": {"rate_hz": 1.0, "port": 1}},
+        [
+            "sensor.rate_hz=30",
+            "sensor.lens.name=fish eye",
+            "sensor.lens.focal_px = 2.5",
+            'bus.vehicle="a b"',
+            "sensor.spares=[{name='x'}]",
+            "world.deep.down=true",
+        ],
+    )
 
     assert tables == {
         "sensor": {"rate_hz": 30, "port": 1, "lens": {"name": "fish eye", "focal_px": 2.5}, "spares": [{"name": "x"}]},
-        "bus": {"vehicle": "a b"}, "world": {"deep": {"down": True}},
+        "bus": {"vehicle": "a b"},
+        "world": {"deep": {"down": True}},
     }
 
 
-@pytest.mark.parametrize(("text", "words"), [
-    ("sensor.rate_hz", "got 'sensor.rate_hz', expected section.key=value"),
-    ("rate_hz=3", "got 'rate_hz=3', expected section.key=value"),
-    ("sensor.rate_hz.x=3", "goes through 'rate_hz', which is not a section"),
-])
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("sensor.rate_hz", "got 'sensor.rate_hz', expected section.key=value"),
+        ("rate_hz=3", "got 'rate_hz=3', expected section.key=value"),
+        ("sensor.rate_hz.x=3", "goes through 'rate_hz', which is not a section"),
+    ],
+)
 def test_a_wrong_override_is_named(text: str, words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         apply_overrides({"sensor": {"rate_hz": 1.0}}, [text])

@@ -116,16 +116,19 @@ def test_broken_bus_and_broken_browser_lose_no_outcome() -> None:
     assert "session closed" in commander.log[0].reason
 
 
-@pytest.mark.parametrize(("origin", "host", "loopback", "allowed"), [
-    ("http://localhost:8080", "localhost:8080", True, True),
-    ("http://127.0.0.1:8080", "127.0.0.1:8080", True, True),
-    (None, "127.0.0.1:8080", True, True),
-    ("https://evil.example", "127.0.0.1:8080", True, False),
-    ("http://localhost:9999", "localhost:8080", True, False),
-    ("http://evil.example:8080", "evil.example:8080", True, False),
-    ("http://ground.lan:8080", "ground.lan:8080", False, True),
-    ("https://evil.example", "ground.lan:8080", False, False),
-])
+@pytest.mark.parametrize(
+    ("origin", "host", "loopback", "allowed"),
+    [
+        ("http://localhost:8080", "localhost:8080", True, True),
+        ("http://127.0.0.1:8080", "127.0.0.1:8080", True, True),
+        (None, "127.0.0.1:8080", True, True),
+        ("https://evil.example", "127.0.0.1:8080", True, False),
+        ("http://localhost:9999", "localhost:8080", True, False),
+        ("http://evil.example:8080", "evil.example:8080", True, False),
+        ("http://ground.lan:8080", "ground.lan:8080", False, True),
+        ("https://evil.example", "ground.lan:8080", False, False),
+    ],
+)
 def test_only_the_consoles_own_page_may_connect(origin: str | None, host: str, loopback: bool, allowed: bool) -> None:
     assert may_connect(origin, host, loopback) is allowed
 

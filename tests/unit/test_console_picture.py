@@ -37,7 +37,7 @@ def test_picture_lies_on_the_canvas_where_the_letterbox_says() -> None:
         box = Letterbox.fit(64, 48, aspect)
         canvas = on_canvas(picture, box)
         assert canvas.shape == (box.height, box.width, 3)
-        inside = canvas[box.top:box.top + 48, box.left:box.left + 64]
+        inside = canvas[box.top : box.top + 48, box.left : box.left + 64]
         assert (inside == 200).all()
         assert (canvas == 200).all(axis=2).sum() == 64 * 48
 
@@ -55,14 +55,17 @@ def test_box_over_the_edge_is_cut() -> None:
     assert command.box_px == pytest.approx((576.0, 0.0, 64.0, 80.0))
 
 
-@pytest.mark.parametrize(("shown", "first", "second", "words"), [
-    (None, (0.2, 0.2), (0.4, 0.4), "no live picture"),
-    ((Letterbox.fit(640, 480, 1.0), 1), (0.2, 0.0), (0.4, 0.1), "beside the picture"),
-    ((Letterbox.fit(640, 480, 1.0), 1), (0.5, 0.5), (0.6, 0.505), "64 x 3 px"),
-])
-def test_box_without_a_target_is_refused_with_the_reason(shown: tuple[Letterbox, int] | None,
-                                                         first: tuple[float, float], second: tuple[float, float],
-                                                         words: str) -> None:
+@pytest.mark.parametrize(
+    ("shown", "first", "second", "words"),
+    [
+        (None, (0.2, 0.2), (0.4, 0.4), "no live picture"),
+        ((Letterbox.fit(640, 480, 1.0), 1), (0.2, 0.0), (0.4, 0.1), "beside the picture"),
+        ((Letterbox.fit(640, 480, 1.0), 1), (0.5, 0.5), (0.6, 0.505), "64 x 3 px"),
+    ],
+)
+def test_box_without_a_target_is_refused_with_the_reason(
+    shown: tuple[Letterbox, int] | None, first: tuple[float, float], second: tuple[float, float], words: str
+) -> None:
     with pytest.raises(BoxRefused, match=words):
         box_command(shown, first, second)
 
@@ -133,11 +136,16 @@ def test_decoding_gives_rgb_and_survives_rubbish() -> None:
     assert decode(b"\xff\xd8 nothing \xff\xd9") is None
 
 
-@pytest.mark.parametrize(("track", "age_ms", "words"), [
-    (Track(state="tracking"), 30.0, "TRACKING"), (Track(state="lost"), 30.0, "LOST  1.5 s"),
-    (Track(state="idle"), 30.0, "NO TARGET"), (Track(state="tracking"), 2500.0, "NO TRACK  2.5 s"),
-    (None, -1.0, "NO PURSUIT"),
-])
+@pytest.mark.parametrize(
+    ("track", "age_ms", "words"),
+    [
+        (Track(state="tracking"), 30.0, "TRACKING"),
+        (Track(state="lost"), 30.0, "LOST  1.5 s"),
+        (Track(state="idle"), 30.0, "NO TARGET"),
+        (Track(state="tracking"), 2500.0, "NO TRACK  2.5 s"),
+        (None, -1.0, "NO PURSUIT"),
+    ],
+)
 def test_word_about_the_target(track: Track | None, age_ms: float, words: str) -> None:
     view = replace(_view(track, 1, age_ms), tracked_ago_ms=1500.0)
     assert target_caption(view).text.startswith(words)

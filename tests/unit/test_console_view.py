@@ -33,11 +33,28 @@ from ground.console.target import ground_point_m
 CONFIG = ConsoleConfig()
 MS = 1_000_000
 JPEG = b"\xff\xd8 pixels \xff\xd9"
-STATE_NOW = VehicleState(ned_p_m=(3.0, 4.0, -5.0), ned_v_m_s=(0.0, 0.0, 0.0), ned_q_body=(1.0, 0.0, 0.0, 0.0),
-                         body_rates_rad_s=(0.0, 0.0, 0.0), armed=True, in_air=True, mode="OFFBOARD",
-                         battery_fraction=0.8)
-STATUS_NOW = HelmStatus(state="hold", source="helm", reason="hovering", streaming=True, mode="OFFBOARD", armed=True,
-                        in_air=True, limiter_zone="safe", limiter_distance_m=8.0, request_age_ms=40.0)
+STATE_NOW = VehicleState(
+    ned_p_m=(3.0, 4.0, -5.0),
+    ned_v_m_s=(0.0, 0.0, 0.0),
+    ned_q_body=(1.0, 0.0, 0.0, 0.0),
+    body_rates_rad_s=(0.0, 0.0, 0.0),
+    armed=True,
+    in_air=True,
+    mode="OFFBOARD",
+    battery_fraction=0.8,
+)
+STATUS_NOW = HelmStatus(
+    state="hold",
+    source="helm",
+    reason="hovering",
+    streaming=True,
+    mode="OFFBOARD",
+    armed=True,
+    in_air=True,
+    limiter_zone="safe",
+    limiter_distance_m=8.0,
+    request_age_ms=40.0,
+)
 ALIVE = {"camera": 1, "helm": 1, "pursuit": 1}
 
 
@@ -45,8 +62,17 @@ def snapshot(**changes: object) -> Snapshot:
     """All well, but for the changes."""
     status = changes.pop("status", STATUS_NOW)
     ages = {PICTURE: 40.0, STATE: 10.0, STATUS: 100.0, TRACK: 40.0, **changes.pop("ages", {})}  # type: ignore[dict-item]
-    view = Snapshot(t_ns=0, ages_ms=ages, picture_age_ms=50.0, state=STATE_NOW, status=status,  # type: ignore[arg-type]
-                    track=Track(state="tracking"), track_age_ms=50.0, tracked_ago_ms=40.0, alive=ALIVE)
+    view = Snapshot(
+        t_ns=0,
+        ages_ms=ages,
+        picture_age_ms=50.0,
+        state=STATE_NOW,
+        status=status,  # type: ignore[arg-type]
+        track=Track(state="tracking"),
+        track_age_ms=50.0,
+        tracked_ago_ms=40.0,
+        alive=ALIVE,
+    )
     return replace(view, **changes)  # type: ignore[arg-type]
 
 
@@ -60,31 +86,45 @@ def test_no_alarm_when_all_is_well() -> None:
     assert "All well" in headline_html([])
 
 
-@pytest.mark.parametrize(("view", "level", "words"), [
-    (snapshot(status=status(state="yielded", mode="POSCTL")), "warning", "Press Engage"),
-    (snapshot(status=status(state="failsafe", reason="telemetry stopped")), "danger", "telemetry stopped"),
-    (snapshot(status=status(state="disconnected", in_air=False)), "warning", "power"),
-    (snapshot(status=status(limiter_zone="collision", limiter_distance_m=0.6)), "danger", "0.6 m"),
-    (snapshot(status=status(limiter_zone="transition", limiter_distance_m=2.1)), "warning", "2.1 m"),
-    (snapshot(alive={**ALIVE, "helm": 2}), "danger", "2 helms"),
-    (snapshot(alive={"camera": 1, "pursuit": 1}, ages={STATUS: 4000.0}), "danger", "Helm is not running"),
-    (snapshot(ages={STATUS: 4000.0}), "danger", "No word from helm for 4 s"),
-    (snapshot(status=None, ages={STATUS: -1.0}), "warning", "No word from helm"),
-    (snapshot(ages={STATE: 900.0}), "danger", "0.9 s old"),
-    (snapshot(picture_age_ms=3200.0), "warning", "No picture for 3.2 s"),
-    (snapshot(picture_age_ms=3200.0, status=status(state="pursuit")), "danger", "No picture for 3.2 s"),
-    (snapshot(picture_age_ms=-1.0), "warning", "No picture yet"),
-    (snapshot(state=msgspec.structs.replace(STATE_NOW, battery_fraction=0.25)), "warning", "Press Return"),
-    (snapshot(state=msgspec.structs.replace(STATE_NOW, battery_fraction=0.1)), "danger", "Land now"),
-    (snapshot(alive={"camera": 1, "helm": 1}), "warning", "Node pursuit is not running"),
-    (snapshot(alive={**ALIVE, "camera": 3}), "warning", "runs 3 times"),
-    (snapshot(status=status(state="pursuit"), track=Track(state="lost"), tracked_ago_ms=2500.0), "warning",
-     "Target lost for 2.5 s"),
-    (snapshot(status=status(state="pursuit"), track=Track(state="idle")), "warning", "no target"),
-    (snapshot(status=status(state="standby", in_air=False,
-                            preflight=(PreflightItem(name="calibration", ok=False, detail="absent"),))),
-     "notice", "Not ready to fly: calibration"),
-])
+@pytest.mark.parametrize(
+    ("view", "level", "words"),
+    [
+        (snapshot(status=status(state="yielded", mode="POSCTL")), "warning", "Press Engage"),
+        (snapshot(status=status(state="failsafe", reason="telemetry stopped")), "danger", "telemetry stopped"),
+        (snapshot(status=status(state="disconnected", in_air=False)), "warning", "power"),
+        (snapshot(status=status(limiter_zone="collision", limiter_distance_m=0.6)), "danger", "0.6 m"),
+        (snapshot(status=status(limiter_zone="transition", limiter_distance_m=2.1)), "warning", "2.1 m"),
+        (snapshot(alive={**ALIVE, "helm": 2}), "danger", "2 helms"),
+        (snapshot(alive={"camera": 1, "pursuit": 1}, ages={STATUS: 4000.0}), "danger", "Helm is not running"),
+        (snapshot(ages={STATUS: 4000.0}), "danger", "No word from helm for 4 s"),
+        (snapshot(status=None, ages={STATUS: -1.0}), "warning", "No word from helm"),
+        (snapshot(ages={STATE: 900.0}), "danger", "0.9 s old"),
+        (snapshot(picture_age_ms=3200.0), "warning", "No picture for 3.2 s"),
+        (snapshot(picture_age_ms=3200.0, status=status(state="pursuit")), "danger", "No picture for 3.2 s"),
+        (snapshot(picture_age_ms=-1.0), "warning", "No picture yet"),
+        (snapshot(state=msgspec.structs.replace(STATE_NOW, battery_fraction=0.25)), "warning", "Press Return"),
+        (snapshot(state=msgspec.structs.replace(STATE_NOW, battery_fraction=0.1)), "danger", "Land now"),
+        (snapshot(alive={"camera": 1, "helm": 1}), "warning", "Node pursuit is not running"),
+        (snapshot(alive={**ALIVE, "camera": 3}), "warning", "runs 3 times"),
+        (
+            snapshot(status=status(state="pursuit"), track=Track(state="lost"), tracked_ago_ms=2500.0),
+            "warning",
+            "Target lost for 2.5 s",
+        ),
+        (snapshot(status=status(state="pursuit"), track=Track(state="idle")), "warning", "no target"),
+        (
+            snapshot(
+                status=status(
+                    state="standby",
+                    in_air=False,
+                    preflight=(PreflightItem(name="calibration", ok=False, detail="absent"),),
+                )
+            ),
+            "notice",
+            "Not ready to fly: calibration",
+        ),
+    ],
+)
 def test_each_alarm_says_what_and_what_to_do(view: Snapshot, level: str, words: str) -> None:
     found = alarms(view, CONFIG)
     assert len(found) == 1, found
@@ -100,8 +140,18 @@ def test_worst_alarm_comes_first() -> None:
 
 
 def test_failed_steps_of_a_node_are_a_notice() -> None:
-    health = Health(node="pursuit", pid=1, steps=9, step_ms_median=1.0, step_ms_max=2.0, input_age_ms={}, dropped={},
-                    rejected={}, errors=3, last_error="ValueError: no histogram")
+    health = Health(
+        node="pursuit",
+        pid=1,
+        steps=9,
+        step_ms_median=1.0,
+        step_ms_max=2.0,
+        input_age_ms={},
+        dropped={},
+        rejected={},
+        errors=3,
+        last_error="ValueError: no histogram",
+    )
     found = alarms(snapshot(health={"pursuit": health}, ages={"health/pursuit": 500.0}), CONFIG)
     assert [a.level for a in found] == ["notice"]
     assert "ValueError: no histogram" in found[0].action
@@ -109,13 +159,30 @@ def test_failed_steps_of_a_node_are_a_notice() -> None:
 
 def test_everything_from_outside_is_escaped() -> None:
     evil = '<img src=x onerror="alert(1)">'
-    hostile = status(state=evil, source=evil, reason=evil, mode=evil, limiter_zone=evil,
-                     preflight=(PreflightItem(name=evil, ok=False, detail=evil),), in_air=False)
-    view = snapshot(status=hostile, track=Track(state="tracking", reason=evil), ages={"session": 1.0},
-                    session=Session(vehicle=evil, monotonic_ns=0, utc_ns=0))
+    hostile = status(
+        state=evil,
+        source=evil,
+        reason=evil,
+        mode=evil,
+        limiter_zone=evil,
+        preflight=(PreflightItem(name=evil, ok=False, detail=evil),),
+        in_air=False,
+    )
+    view = snapshot(
+        status=hostile,
+        track=Track(state="tracking", reason=evil),
+        ages={"session": 1.0},
+        session=Session(vehicle=evil, monotonic_ns=0, utc_ns=0),
+    )
     standby = snapshot(status=msgspec.structs.replace(hostile, state="standby"))
-    pages = (flight_html(view), checks_html(view), target_html(view, 1.0, 2.0), nodes_html(view, (evil,), 20.0),
-             alarms_html(alarms(standby, CONFIG)), headline_html(alarms(standby, CONFIG)))
+    pages = (
+        flight_html(view),
+        checks_html(view),
+        target_html(view, 1.0, 2.0),
+        nodes_html(view, (evil,), 20.0),
+        alarms_html(alarms(standby, CONFIG)),
+        headline_html(alarms(standby, CONFIG)),
+    )
     for html in pages:
         assert "<img" not in html
         assert re.search(r"&lt;img", html), html
@@ -134,13 +201,16 @@ def test_flight_state_in_words() -> None:
         assert words in html
 
 
-@pytest.mark.parametrize(("view", "expected"), [
-    (snapshot(status=status(state="yielded")), {"Engage"}),
-    (snapshot(status=status(state="standby", in_air=False)), {"Take off"}),
-    (snapshot(), {"Start chase"}),
-    (snapshot(track=Track(state="lost")), set()),
-    (snapshot(ages={STATUS: 4000.0}), set()),
-])
+@pytest.mark.parametrize(
+    ("view", "expected"),
+    [
+        (snapshot(status=status(state="yielded")), {"Engage"}),
+        (snapshot(status=status(state="standby", in_air=False)), {"Take off"}),
+        (snapshot(), {"Start chase"}),
+        (snapshot(track=Track(state="lost")), set()),
+        (snapshot(ages={STATUS: 4000.0}), set()),
+    ],
+)
 def test_next_button_is_the_one_that_leads_on(view: Snapshot, expected: set[str]) -> None:
     assert next_actions(view) == expected
 
@@ -148,8 +218,11 @@ def test_next_button_is_the_one_that_leads_on(view: Snapshot, expected: set[str]
 def test_error_history_is_metres_on_the_ground_and_forgets() -> None:
     history = ErrorHistory(30.0)
     for second in range(40):
-        history.add(snapshot(t_ns=second * 1000 * MS, track_capture_ns=second + 1,
-                             track=Track(state="tracking", error=(0.2, -0.1))))
+        history.add(
+            snapshot(
+                t_ns=second * 1000 * MS, track_capture_ns=second + 1, track=Track(state="tracking", error=(0.2, -0.1))
+            )
+        )
     x, forward, right = history.series(39_000 * MS)
     assert x[0] == pytest.approx(-30.0)
     assert x[-1] == 0.0
@@ -180,13 +253,16 @@ def test_ground_point_takes_attitude_out() -> None:
     assert ground_point_m(centre, camera, below) is None
 
 
-@pytest.mark.parametrize(("table", "words"), [
-    ({"picture_rate_hz": 30}, "picture_rate_hz"),
-    ({"battery_empty_fraction": 0.5, "battery_low_fraction": 0.3}, "at most battery_low_fraction"),
-    ({"essential_nodes": ["helm", "rudder"]}, "rudder"),
-    ({"host": " "}, "empty address"),
-    ({"prot": 80}, "did you mean 'port'"),
-])
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ({"picture_rate_hz": 30}, "picture_rate_hz"),
+        ({"battery_empty_fraction": 0.5, "battery_low_fraction": 0.3}, "at most battery_low_fraction"),
+        ({"essential_nodes": ["helm", "rudder"]}, "rudder"),
+        ({"host": " "}, "empty address"),
+        ({"prot": 80}, "did you mean 'port'"),
+    ],
+)
 def test_bad_settings_are_refused_by_name(table: dict[str, object], words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         build(ConsoleConfig, table, "test [console]")

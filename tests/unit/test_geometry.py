@@ -30,15 +30,19 @@ RIGHT_ANGLE = math.pi / 2
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 
 
-@pytest.mark.parametrize(("roll", "pitch", "yaw", "body", "ned"), [
-    (0, 0, RIGHT_ANGLE, NORTH, EAST),    # heading east: forward is east
-    (0, 0, RIGHT_ANGLE, EAST, -NORTH),   # and right is south
-    (0, RIGHT_ANGLE, 0, NORTH, -DOWN),   # nose up: forward is up
-    (RIGHT_ANGLE, 0, 0, EAST, DOWN),     # rolled right: the right wing points down
-    (RIGHT_ANGLE, 0, 0, DOWN, -EAST),
-])
-def test_euler_angles_turn_as_in_aviation(roll: float, pitch: float, yaw: float, body: np.ndarray,
-                                          ned: np.ndarray) -> None:
+@pytest.mark.parametrize(
+    ("roll", "pitch", "yaw", "body", "ned"),
+    [
+        (0, 0, RIGHT_ANGLE, NORTH, EAST),  # heading east: forward is east
+        (0, 0, RIGHT_ANGLE, EAST, -NORTH),  # and right is south
+        (0, RIGHT_ANGLE, 0, NORTH, -DOWN),  # nose up: forward is up
+        (RIGHT_ANGLE, 0, 0, EAST, DOWN),  # rolled right: the right wing points down
+        (RIGHT_ANGLE, 0, 0, DOWN, -EAST),
+    ],
+)
+def test_euler_angles_turn_as_in_aviation(
+    roll: float, pitch: float, yaw: float, body: np.ndarray, ned: np.ndarray
+) -> None:
     assert quat_rotate(quat_from_euler(roll, pitch, yaw), body) == pytest.approx(ned, abs=1e-12)
 
 
@@ -67,9 +71,16 @@ def test_vectors_are_turned_one_by_one_or_as_rows() -> None:
     assert quat_rotate(quat_conjugate(q), turned) == pytest.approx(rows)
 
 
-@pytest.mark.parametrize(("angle", "wrapped"), [
-    (0.0, 0.0), (math.pi, -math.pi), (-math.pi, -math.pi), (1.5 * math.pi, -0.5 * math.pi), (-7.0, -7.0 + 2 * math.pi),
-])
+@pytest.mark.parametrize(
+    ("angle", "wrapped"),
+    [
+        (0.0, 0.0),
+        (math.pi, -math.pi),
+        (-math.pi, -math.pi),
+        (1.5 * math.pi, -0.5 * math.pi),
+        (-7.0, -7.0 + 2 * math.pi),
+    ],
+)
 def test_angles_are_wrapped_to_half_a_turn(angle: float, wrapped: float) -> None:
     assert wrap_angle(angle) == pytest.approx(wrapped)
 
@@ -141,12 +152,15 @@ def test_calibration_message_carries_everything() -> None:
     assert info.camera == "down"
 
 
-@pytest.mark.parametrize(("table", "words"), [
-    ({"body_q_camera": [1, 1, 0, 0]}, "body_q_camera: got norm 1.4142"),
-    ({"cx_px": 700.0}, "expected a point inside 640x480"),
-    ({"fx_px": 0.0}, "fx_px"),
-    ({"distortion": [0.0, 0.0]}, "distortion"),
-])
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ({"body_q_camera": [1, 1, 0, 0]}, "body_q_camera: got norm 1.4142"),
+        ({"cx_px": 700.0}, "expected a point inside 640x480"),
+        ({"fx_px": 0.0}, "fx_px"),
+        ({"distortion": [0.0, 0.0]}, "distortion"),
+    ],
+)
 def test_calibration_that_cannot_be_is_refused(table: dict, words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         build(CameraConfig, table, "kite [camera.down]")

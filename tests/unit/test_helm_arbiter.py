@@ -30,14 +30,17 @@ def test_a_stale_operator_does_not_block_the_task():
     assert verdict.refused == (("operator", "stale"),)
 
 
-@pytest.mark.parametrize(("fields", "age_ms", "reason"), [
-    ({}, 301.0, "stale"),
-    ({}, -100.0, "from the future"),
-    ({"valid_ms": 40.0}, 50.0, "expired"),
-    ({"vector": (math.nan, 0.0, 0.0)}, 10.0, "not finite"),
-    ({"yaw_rate_rad_s": math.inf}, 10.0, "not finite"),
-    ({"vector": (0.0, 1.5e308, 1.5e308)}, 10.0, "absurd"),
-])
+@pytest.mark.parametrize(
+    ("fields", "age_ms", "reason"),
+    [
+        ({}, 301.0, "stale"),
+        ({}, -100.0, "from the future"),
+        ({"valid_ms": 40.0}, 50.0, "expired"),
+        ({"vector": (math.nan, 0.0, 0.0)}, 10.0, "not finite"),
+        ({"yaw_rate_rad_s": math.inf}, 10.0, "not finite"),
+        ({"vector": (0.0, 1.5e308, 1.5e308)}, 10.0, "absurd"),
+    ],
+)
 def test_what_may_not_be_obeyed_becomes_hover(fields, age_ms: float, reason: str):
     verdict = arbitrate([_candidate(age_ms=age_ms, **fields)], NOW, 0.0, 0.3)
     assert (verdict.source, verdict.ned_v_m_s, verdict.age_ms) == ("helm", (0.0, 0.0, 0.0), -1.0)

@@ -98,8 +98,10 @@ class Flight:
     def command_hold_from_the_ground(self) -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ground:
             link = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
-            messages = (link.heartbeat_encode(6, 8, 0, 0, 4),
-                        link.command_long_encode(1, 1, 176, 0, 1, 4, 3, 0, 0, 0, 0))
+            messages = (
+                link.heartbeat_encode(6, 8, 0, 0, 4),
+                link.command_long_encode(1, 1, 176, 0, 1, 4, 3, 0, 0, 0, 0),
+            )
             for message in messages:
                 ground.sendto(message.pack(link), ("127.0.0.1", self.ground_port))
 

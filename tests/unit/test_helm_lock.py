@@ -16,13 +16,16 @@ from onboard.helm.lock import HelmLock, HelmTaken, require_free_port
 
 _ROOT = Path(__file__).parents[2]
 _URL = "udpin://127.0.0.1:24999"
-_HOLDER = ("import sys, time; from pathlib import Path; from onboard.helm.lock import HelmLock; "
-           "lock = HelmLock(sys.argv[1], 'kite', Path(sys.argv[2])); print('held', flush=True); time.sleep(60)")
+_HOLDER = (
+    "import sys, time; from pathlib import Path; from onboard.helm.lock import HelmLock; "
+    "lock = HelmLock(sys.argv[1], 'kite', Path(sys.argv[2])); print('held', flush=True); time.sleep(60)"
+)
 
 
 def test_a_second_helm_is_refused_by_name_until_the_first_dies(tmp_path: Path):
-    with subprocess.Popen([sys.executable, "-c", _HOLDER, _URL, str(tmp_path)], cwd=_ROOT, stdout=subprocess.PIPE,
-                          text=True) as holder:
+    with subprocess.Popen(
+        [sys.executable, "-c", _HOLDER, _URL, str(tmp_path)], cwd=_ROOT, stdout=subprocess.PIPE, text=True
+    ) as holder:
         try:
             assert holder.stdout and holder.stdout.readline() == "held\n"
             with pytest.raises(HelmTaken, match=rf"process {holder.pid}; one helm commands a vehicle") as refused:

@@ -36,12 +36,15 @@ def test_the_parameters_are_written_on_the_ground():
     assert desk.status and all(item.ok for item in desk.status.preflight)
 
 
-@pytest.mark.parametrize(("vehicle", "camera", "text"), [
-    (VehicleDouble(battery=0.1), True, "battery: got 10%"),
-    (VehicleDouble(home=None), True, "home: not set"),
-    (VehicleDouble(), False, "calibration: camera/down/info has not come"),
-    (VehicleDouble(ignores=(Kind.PARAMETERS,)), True, "COM_OBL_RC_ACT: not read yet, expected 5"),
-])
+@pytest.mark.parametrize(
+    ("vehicle", "camera", "text"),
+    [
+        (VehicleDouble(battery=0.1), True, "battery: got 10%"),
+        (VehicleDouble(home=None), True, "home: not set"),
+        (VehicleDouble(), False, "calibration: camera/down/info has not come"),
+        (VehicleDouble(ignores=(Kind.PARAMETERS,)), True, "COM_OBL_RC_ACT: not read yet, expected 5"),
+    ],
+)
 def test_the_gate_refuses_with_the_reason(vehicle: VehicleDouble, camera: bool, text: str):
     desk = Desk(vehicle, camera=camera)
     desk.go(1.0)

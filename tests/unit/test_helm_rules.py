@@ -8,8 +8,10 @@ from pathlib import Path
 import pytest
 
 _ROOT = Path(__file__).parents[2]
-_PURE = sorted({*(_ROOT / "onboard/limiter").glob("*.py"), *(_ROOT / "onboard/helm").glob("*.py")}
-               - {_ROOT / "onboard/helm" / name for name in ("node.py", "autopilot_link.py", "lock.py")})
+_PURE = sorted(
+    {*(_ROOT / "onboard/limiter").glob("*.py"), *(_ROOT / "onboard/helm").glob("*.py")}
+    - {_ROOT / "onboard/helm" / name for name in ("node.py", "autopilot_link.py", "lock.py")}
+)
 _SOURCES = [p for side in ("common", "onboard", "ground") for p in (_ROOT / side).rglob("*.py")]
 
 
@@ -30,8 +32,11 @@ def test_arbiter_limiter_and_flight_import_neither_mavsdk_nor_the_bus(path: Path
 
 
 def test_one_module_alone_talks_to_the_autopilot():
-    speakers = {p.relative_to(_ROOT).as_posix() for p in _SOURCES
-                if any(name.split(".")[0] in ("mavsdk", "pymavlink") for name in _imports(p))}
+    speakers = {
+        p.relative_to(_ROOT).as_posix()
+        for p in _SOURCES
+        if any(name.split(".")[0] in ("mavsdk", "pymavlink") for name in _imports(p))
+    }
     assert speakers == {"onboard/helm/autopilot_link.py"}
 
 
@@ -39,6 +44,7 @@ def test_neither_the_offboard_plugin_nor_a_forced_arming_is_used():
     """The plugin would stream the last setpoint on while Python hangs; `arm_force` sends a forced disarm."""
     path = _ROOT / "onboard/helm/autopilot_link.py"
     assert not any("offboard" in name.lower() for name in _imports(path))
-    called = {node.attr for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-              if isinstance(node, ast.Attribute)}
+    called = {
+        node.attr for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Attribute)
+    }
     assert "arm_force" not in called and "arm_force_async" not in called

@@ -37,8 +37,11 @@ def test_whoever_flies_yields_to_others_and_to_silence(state: State):
 
 
 def test_yielded_is_left_into_flight_by_engage_alone():
-    ways = {event for (state, event), target in TRANSITIONS.items() if state is State.YIELDED
-            and target not in (State.STANDBY, State.DISCONNECTED)}
+    ways = {
+        event
+        for (state, event), target in TRANSITIONS.items()
+        if state is State.YIELDED and target not in (State.STANDBY, State.DISCONNECTED)
+    }
     assert ways == {Event.ENGAGE}
 
 

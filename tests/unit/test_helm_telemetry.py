@@ -11,8 +11,16 @@ from onboard.helm.setpoint import LocalSetpoint
 from onboard.helm.telemetry import TelemetryDecoder, mode_name
 
 _MS = 1_000_000
-ATTITUDE = {"time_boot_ms": 1000, "q1": 0.7071068, "q2": 0.0, "q3": 0.0, "q4": 0.7071068, "rollspeed": 0.1,
-            "pitchspeed": 0.2, "yawspeed": 0.3}
+ATTITUDE = {
+    "time_boot_ms": 1000,
+    "q1": 0.7071068,
+    "q2": 0.0,
+    "q3": 0.0,
+    "q4": 0.7071068,
+    "rollspeed": 0.1,
+    "pitchspeed": 0.2,
+    "yawspeed": 0.3,
+}
 POSITION = {"time_boot_ms": 1000, "x": 1.0, "y": 2.0, "z": -3.0, "vx": 0.1, "vy": 0.2, "vz": 0.3}
 HEARTBEAT = {"autopilot": 12, "base_mode": 157, "custom_mode": 0x03040000, "system_status": 4}
 
@@ -24,18 +32,33 @@ def _decoder(*messages: tuple[str, dict]) -> TelemetryDecoder:
     return decoder
 
 
-@pytest.mark.parametrize(("custom_mode", "name"), [
-    (0x03040000, "HOLD"), (0x00060000, "OFFBOARD"), (0x02040000, "TAKEOFF"), (0x05040000, "RETURN"),
-    (0x06040000, "LAND"), (0x00030000, "POSCTL"), (0x63040000, "AUTO99"), (0, "MODE0")])
+@pytest.mark.parametrize(
+    ("custom_mode", "name"),
+    [
+        (0x03040000, "HOLD"),
+        (0x00060000, "OFFBOARD"),
+        (0x02040000, "TAKEOFF"),
+        (0x05040000, "RETURN"),
+        (0x06040000, "LAND"),
+        (0x00030000, "POSCTL"),
+        (0x63040000, "AUTO99"),
+        (0, "MODE0"),
+    ],
+)
 def test_mode_names(custom_mode: int, name: str):
     assert mode_name(custom_mode) == name
 
 
 def test_a_snapshot_is_built_from_its_messages():
-    now = _decoder(("ATTITUDE_QUATERNION", ATTITUDE), ("LOCAL_POSITION_NED", POSITION), ("HEARTBEAT", HEARTBEAT),
-                   ("HOME_POSITION", {"x": 0.5, "y": 0.0, "z": -0.5}), ("EXTENDED_SYS_STATE", {"landed_state": 2}),
-                   ("SYS_STATUS", {"onboard_control_sensors_health": 1 << 28}),
-                   ("BATTERY_STATUS", {"battery_remaining": 80})).now
+    now = _decoder(
+        ("ATTITUDE_QUATERNION", ATTITUDE),
+        ("LOCAL_POSITION_NED", POSITION),
+        ("HEARTBEAT", HEARTBEAT),
+        ("HOME_POSITION", {"x": 0.5, "y": 0.0, "z": -0.5}),
+        ("EXTENDED_SYS_STATE", {"landed_state": 2}),
+        ("SYS_STATUS", {"onboard_control_sensors_health": 1 << 28}),
+        ("BATTERY_STATUS", {"battery_remaining": 80}),
+    ).now
     assert now.attitude and now.attitude.yaw_rad == pytest.approx(math.pi / 2)
     assert now.ned_p_m() == pytest.approx((0.5, 2.0, -2.5))
     assert (now.mode, now.armed, now.in_air, now.ready, now.battery_fraction) == ("HOLD", True, True, True, 0.8)
@@ -43,13 +66,17 @@ def test_a_snapshot_is_built_from_its_messages():
     assert now.estimate_age_s(9_500 * _MS) == pytest.approx(0.5)
 
 
-@pytest.mark.parametrize(("name", "text"), [
-    ("ATTITUDE_QUATERNION", "{"), ("ATTITUDE_QUATERNION", "{}"),
-    ("ATTITUDE_QUATERNION", json.dumps({**ATTITUDE, "q1": None})),
-    ("ATTITUDE_QUATERNION", json.dumps({**ATTITUDE, "q1": 0.1})),
-    ("LOCAL_POSITION_NED", json.dumps({**POSITION, "x": None})),
-    ("HEARTBEAT", json.dumps({"autopilot": "twelve"})),
-])
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("ATTITUDE_QUATERNION", "{"),
+        ("ATTITUDE_QUATERNION", "{}"),
+        ("ATTITUDE_QUATERNION", json.dumps({**ATTITUDE, "q1": None})),
+        ("ATTITUDE_QUATERNION", json.dumps({**ATTITUDE, "q1": 0.1})),
+        ("LOCAL_POSITION_NED", json.dumps({**POSITION, "x": None})),
+        ("HEARTBEAT", json.dumps({"autopilot": "twelve"})),
+    ],
+)
 def test_what_cannot_be_read_is_counted_and_ignored(name: str, text: str):
     decoder = TelemetryDecoder()
     before = decoder.now
@@ -63,8 +90,11 @@ def test_a_forwarded_ground_station_is_not_the_autopilot():
 
 
 def test_home_does_not_move_in_flight():
-    decoder = _decoder(("HOME_POSITION", {"x": 1.0, "y": 0.0, "z": 0.0}), ("EXTENDED_SYS_STATE", {"landed_state": 2}),
-                       ("HOME_POSITION", {"x": 9.0, "y": 0.0, "z": 0.0}))
+    decoder = _decoder(
+        ("HOME_POSITION", {"x": 1.0, "y": 0.0, "z": 0.0}),
+        ("EXTENDED_SYS_STATE", {"landed_state": 2}),
+        ("HOME_POSITION", {"x": 9.0, "y": 0.0, "z": 0.0}),
+    )
     assert decoder.now.home_local_m == (1.0, 0.0, 0.0)
 
 

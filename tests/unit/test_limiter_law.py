@@ -89,8 +89,11 @@ def test_old_distances_are_brought_up_to_date():
 @pytest.mark.parametrize("asked", [(math.nan, 0.0, 0.0), (0.0, math.inf, 0.0)])
 def test_no_number_means_no_motion(asked):
     assert limit(asked, [], CONFIG).ned_v_m_s == (0.0, 0.0, 0.0)
-    assert limit((1.0, 0.0, 0.0), [Obstacle(distance_m=math.nan, ned_direction=(1.0, 0.0, 0.0))],
-                 CONFIG).ned_v_m_s == (0.0, 0.0, 0.0)
+    assert limit((1.0, 0.0, 0.0), [Obstacle(distance_m=math.nan, ned_direction=(1.0, 0.0, 0.0))], CONFIG).ned_v_m_s == (
+        0.0,
+        0.0,
+        0.0,
+    )
 
 
 def test_without_data_it_is_blind_and_stands_still_where_data_is_required():
@@ -99,11 +102,14 @@ def test_without_data_it_is_blind_and_stands_still_where_data_is_required():
     assert (blind.ned_v_m_s, blind.zone) == ((0.0, 0.0, 0.0), "blind")
 
 
-@pytest.mark.parametrize(("table", "text"), [
-    ({"h_min_m": 2.0}, "h_min_m < h_desired_m"),
-    ({"band_m": 5.0}, "band_m"),
-    ({"h_dessired_m": 1.0}, "did you mean 'h_desired_m'"),
-])
+@pytest.mark.parametrize(
+    ("table", "text"),
+    [
+        ({"h_min_m": 2.0}, "h_min_m < h_desired_m"),
+        ({"band_m": 5.0}, "band_m"),
+        ({"h_dessired_m": 1.0}, "did you mean 'h_desired_m'"),
+    ],
+)
 def test_settings_in_contradiction_are_refused(table, text: str):
     with pytest.raises(ConfigError, match=text):
         build(LimiterConfig, table, "kite [limiter]")

@@ -31,16 +31,30 @@ LEVEL = (1.0, 0.0, 0.0, 0.0)
 
 def state(**changes: Any) -> VehicleState:
     fields: dict[str, Any] = {
-        "ned_p_m": (0.0, 0.0, -5.0), "ned_v_m_s": (0.0, 0.0, 0.0), "ned_q_body": LEVEL,
-        "body_rates_rad_s": (0.0, 0.0, 0.0), "armed": True, "in_air": True, "mode": "OFFBOARD", "battery_fraction": 0.9,
+        "ned_p_m": (0.0, 0.0, -5.0),
+        "ned_v_m_s": (0.0, 0.0, 0.0),
+        "ned_q_body": LEVEL,
+        "body_rates_rad_s": (0.0, 0.0, 0.0),
+        "armed": True,
+        "in_air": True,
+        "mode": "OFFBOARD",
+        "battery_fraction": 0.9,
     }
     return VehicleState(**{**fields, **changes})
 
 
 def info(**changes: Any) -> CameraInfo:
     fields: dict[str, Any] = {
-        "camera": "down", "width": 640, "height": 480, "fx_px": 440.0, "fy_px": 440.0, "cx_px": 319.5, "cy_px": 239.5,
-        "body_q_camera": LEVEL, "body_p_camera_m": (0.0, 0.0, 0.0), "rate_hz": 20.0,
+        "camera": "down",
+        "width": 640,
+        "height": 480,
+        "fx_px": 440.0,
+        "fy_px": 440.0,
+        "cx_px": 319.5,
+        "cy_px": 239.5,
+        "body_q_camera": LEVEL,
+        "body_p_camera_m": (0.0, 0.0, 0.0),
+        "rate_hz": 20.0,
     }
     return CameraInfo(**{**fields, **changes})
 
@@ -50,35 +64,50 @@ def picture(**changes: Any) -> Image:
     return Image(**{**fields, **changes})
 
 
-@pytest.mark.parametrize("message", [
-    state(), state(battery_fraction=-1.0), info(), picture(), picture(encoding="gray8", data=bytes(8)),
-    picture(encoding="jpeg", data=b"\xff\xd8\xff\xd9"), Obstacles(obstacles=()),
-    Obstacle(distance_m=0.0, ned_direction=(0.0, 0.6, 0.8)), Request(frame="ned", vector=(1.0, 0.0, 0.0)),
-    Track(state="idle"),
-])
+@pytest.mark.parametrize(
+    "message",
+    [
+        state(),
+        state(battery_fraction=-1.0),
+        info(),
+        picture(),
+        picture(encoding="gray8", data=bytes(8)),
+        picture(encoding="jpeg", data=b"\xff\xd8\xff\xd9"),
+        Obstacles(obstacles=()),
+        Obstacle(distance_m=0.0, ned_direction=(0.0, 0.6, 0.8)),
+        Request(frame="ned", vector=(1.0, 0.0, 0.0)),
+        Track(state="idle"),
+    ],
+)
 def test_good_messages_pass(message: Message) -> None:
     assert message.check() is None
 
 
-@pytest.mark.parametrize(("message", "words"), [
-    (state(ned_p_m=(0.0, math.nan, 0.0)), "ned_p_m: got nan, expected a finite number"),
-    (state(battery_fraction=math.inf), "battery_fraction: got inf"),
-    (state(ned_q_body=(1.0, 1.0, 0.0, 0.0)), "ned_q_body: got norm 1.4142, expected a unit quaternion"),
-    (state(ned_q_body=(0.0, 0.0, 0.0, 0.0)), "ned_q_body: got norm 0.0000"),
-    (info(body_q_camera=(0.5, 0.0, 0.0, 0.0)), "body_q_camera: got norm 0.5000"),
-    (info(fx_px=0.0), "fx_px: got 0.0, expected 1.0 to 100000.0"),
-    (info(distortion=(0.0, 0.0, math.nan, 0.0, 0.0)), "distortion: got nan"),
-    (picture(data=bytes(23)), r"data: got 23 bytes, expected 24 for 4x2 bgr8 \(a truncated frame\?\)"),
-    (picture(encoding="gray8"), "data: got 24 bytes, expected 8 for 4x2 gray8"),
-    (picture(encoding="jpeg", data=b"\xff\xd8 cut off"), "no whole JPEG"),
-    (picture(width=0, data=b""), "width: got 0, expected 1 to 16384"),
-    (picture(height=20_000), "height: got 20000"),
-    (Obstacle(distance_m=-0.1, ned_direction=(0.0, 0.0, 1.0)), "distance_m: got -0.1"),
-    (Obstacle(distance_m=1.0, ned_direction=(0.0, 0.0, 0.0)), "ned_direction: got norm 0.0000, expected a unit vector"),
-    (Obstacles(obstacles=(Obstacle(distance_m=math.nan, ned_direction=(0.0, 0.0, 1.0)),)), "distance_m: got nan"),
-    (Request(frame="ned", vector=(1.0, 0.0, -math.inf)), "vector: got -inf"),
-    (Request(frame="ned", vector=(1.0, 0.0, 0.0), valid_ms=-1.0), "valid_ms: got -1.0, expected 0.0 to 10000.0"),
-])
+@pytest.mark.parametrize(
+    ("message", "words"),
+    [
+        (state(ned_p_m=(0.0, math.nan, 0.0)), "ned_p_m: got nan, expected a finite number"),
+        (state(battery_fraction=math.inf), "battery_fraction: got inf"),
+        (state(ned_q_body=(1.0, 1.0, 0.0, 0.0)), "ned_q_body: got norm 1.4142, expected a unit quaternion"),
+        (state(ned_q_body=(0.0, 0.0, 0.0, 0.0)), "ned_q_body: got norm 0.0000"),
+        (info(body_q_camera=(0.5, 0.0, 0.0, 0.0)), "body_q_camera: got norm 0.5000"),
+        (info(fx_px=0.0), "fx_px: got 0.0, expected 1.0 to 100000.0"),
+        (info(distortion=(0.0, 0.0, math.nan, 0.0, 0.0)), "distortion: got nan"),
+        (picture(data=bytes(23)), r"data: got 23 bytes, expected 24 for 4x2 bgr8 \(a truncated frame\?\)"),
+        (picture(encoding="gray8"), "data: got 24 bytes, expected 8 for 4x2 gray8"),
+        (picture(encoding="jpeg", data=b"\xff\xd8 cut off"), "no whole JPEG"),
+        (picture(width=0, data=b""), "width: got 0, expected 1 to 16384"),
+        (picture(height=20_000), "height: got 20000"),
+        (Obstacle(distance_m=-0.1, ned_direction=(0.0, 0.0, 1.0)), "distance_m: got -0.1"),
+        (
+            Obstacle(distance_m=1.0, ned_direction=(0.0, 0.0, 0.0)),
+            "ned_direction: got norm 0.0000, expected a unit vector",
+        ),
+        (Obstacles(obstacles=(Obstacle(distance_m=math.nan, ned_direction=(0.0, 0.0, 1.0)),)), "distance_m: got nan"),
+        (Request(frame="ned", vector=(1.0, 0.0, -math.inf)), "vector: got -inf"),
+        (Request(frame="ned", vector=(1.0, 0.0, 0.0), valid_ms=-1.0), "valid_ms: got -1.0, expected 0.0 to 10000.0"),
+    ],
+)
 def test_content_that_breaks_a_promise_is_named(message: Message, words: str) -> None:
     with pytest.raises(MessageError, match=words):
         message.check()
@@ -87,20 +116,32 @@ def test_content_that_breaks_a_promise_is_named(message: Message, words: str) ->
 def test_the_key_of_a_bad_number_in_a_table_is_named() -> None:
     from common.messages import Health
 
-    health = Health(node="n", pid=1, steps=0, step_ms_median=0.0, step_ms_max=0.0,
-                    input_age_ms={"camera/down/jpeg": math.nan}, dropped={}, rejected={}, errors=0)
+    health = Health(
+        node="n",
+        pid=1,
+        steps=0,
+        step_ms_median=0.0,
+        step_ms_max=0.0,
+        input_age_ms={"camera/down/jpeg": math.nan},
+        dropped={},
+        rejected={},
+        errors=0,
+    )
 
     with pytest.raises(MessageError, match=r"input_age_ms\.camera/down/jpeg: got nan"):
         health.check()
 
 
-@pytest.mark.parametrize(("plain", "words"), [
-    ({"state": "hunting"}, "Invalid enum value 'hunting'"),
-    ({"state": "idle", "x": 3.0}, "unknown field `x`"),
-    ({"state": "idle", "x_px": "left"}, "Expected `float`, got `str`"),
-    ({}, "missing required field `state`"),
-    ({"state": "idle", "error": [1.0]}, "length 2"),
-])
+@pytest.mark.parametrize(
+    ("plain", "words"),
+    [
+        ({"state": "hunting"}, "Invalid enum value 'hunting'"),
+        ({"state": "idle", "x": 3.0}, "unknown field `x`"),
+        ({"state": "idle", "x_px": "left"}, "Expected `float`, got `str`"),
+        ({}, "missing required field `state`"),
+        ({"state": "idle", "error": [1.0]}, "length 2"),
+    ],
+)
 def test_shape_and_type_are_held_by_the_type(plain: dict, words: str) -> None:
     with pytest.raises(msgspec.ValidationError, match=words):
         msgspec.convert(plain, Track)
@@ -113,8 +154,16 @@ def test_messages_cannot_be_changed() -> None:
 
 def test_defaults_are_not_shared() -> None:
     fields: dict[str, Any] = {
-        "state": "standby", "source": "", "reason": "", "streaming": False, "mode": "HOLD", "armed": False,
-        "in_air": False, "limiter_zone": "safe", "limiter_distance_m": -1.0, "request_age_ms": -1.0,
+        "state": "standby",
+        "source": "",
+        "reason": "",
+        "streaming": False,
+        "mode": "HOLD",
+        "armed": False,
+        "in_air": False,
+        "limiter_zone": "safe",
+        "limiter_distance_m": -1.0,
+        "request_age_ms": -1.0,
     }
     assert HelmStatus(**fields).counters is not HelmStatus(**fields).counters
 
@@ -126,8 +175,10 @@ def test_every_field_is_documented_and_typed_for_the_wire(kind: type[Message]) -
     documented = {
         item.target.id
         for item, after in pairwise(body)
-        if isinstance(item, ast.AnnAssign) and isinstance(item.target, ast.Name)
-        and isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
+        if isinstance(item, ast.AnnAssign)
+        and isinstance(item.target, ast.Name)
+        and isinstance(after, ast.Expr)
+        and isinstance(after.value, ast.Constant)
     }
 
     assert documented == set(kind.__struct_fields__)

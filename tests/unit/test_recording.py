@@ -59,16 +59,19 @@ def test_payload_of_a_picture_is_the_plain_jpeg_for_other_tools(tmp_path: Path) 
         write(writer, "camera/down/jpeg", picture, 0)
 
     with path.open("rb") as stream:
-        found = {channel.topic: (channel.message_encoding, message.data)
-                 for _, channel, message in make_reader(stream).iter_messages()}
+        found = {
+            channel.topic: (channel.message_encoding, message.data)
+            for _, channel, message in make_reader(stream).iter_messages()
+        }
 
     assert found["camera/down/jpeg"] == ("jpeg", picture.data)
     assert set(found) == {"camera/down/jpeg", "camera/down/jpeg" + HEADER_SUFFIX}
 
 
 @pytest.mark.parametrize("share", [0.3, 0.5, 0.8, 0.97])
-def test_a_file_that_was_cut_off_is_read_up_to_its_last_whole_chunk(tmp_path: Path, share: float,
-                                                                    caplog: pytest.LogCaptureFixture) -> None:
+def test_a_file_that_was_cut_off_is_read_up_to_its_last_whole_chunk(
+    tmp_path: Path, share: float, caplog: pytest.LogCaptureFixture
+) -> None:
     path = tmp_path / "a.mcap"
     ends: list[int] = []
     writer = RecordingWriter(path, CONFIGURATION)
@@ -80,7 +83,7 @@ def test_a_file_that_was_cut_off_is_read_up_to_its_last_whole_chunk(tmp_path: Pa
     whole = path.read_bytes()
     writer.abandon()
     cut = tmp_path / "cut.mcap"
-    cut.write_bytes(whole[:int(len(whole) * share)])
+    cut.write_bytes(whole[: int(len(whole) * share)])
 
     with caplog.at_level(logging.WARNING):
         read = list(read_recording(cut))
@@ -118,20 +121,22 @@ def test_damage_in_the_middle_is_an_error(tmp_path: Path) -> None:
             writer.flush()
     damaged = bytearray(path.read_bytes())
     middle = len(damaged) // 2
-    damaged[middle:middle + 16] = bytes(b ^ 0xFF for b in damaged[middle:middle + 16])
+    damaged[middle : middle + 16] = bytes(b ^ 0xFF for b in damaged[middle : middle + 16])
     path.write_bytes(damaged)
 
     with pytest.raises(RecordingError, match="damaged after"):
         list(read_recording(path))
 
 
-def test_a_malformed_message_is_kept_in_the_file_and_left_out_on_reading(tmp_path: Path,
-                                                                         caplog: pytest.LogCaptureFixture) -> None:
+def test_a_malformed_message_is_kept_in_the_file_and_left_out_on_reading(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     path = tmp_path / "a.mcap"
     with RecordingWriter(path, CONFIGURATION) as writer:
         write(writer, "pursuit/track", Track(state="idle"), 0)
-        writer.write("pursuit/track", b"\xc1 no message", encode(header_of(Track(state="idle"), 1),
-                                                                Track(state="idle"))[1], 1)
+        writer.write(
+            "pursuit/track", b"\xc1 no message", encode(header_of(Track(state="idle"), 1), Track(state="idle"))[1], 1
+        )
         writer.write("pursuit/track", b"no header", b"", 2)
         write(writer, "pursuit/track", Track(state="idle"), 3)
 

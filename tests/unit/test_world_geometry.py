@@ -46,8 +46,12 @@ class Balls:
         spec.visual.headlight.diffuse = spec.visual.headlight.specular = [0.0, 0.0, 0.0]
         spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[50, 50, 1], rgba=[0, 0, 0, 1])
         for (blue, green, red), ned in BALLS.items():
-            spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.05, 0, 0],
-                                    pos=np.array(ned) * NWU_FROM_NED, rgba=[red / 255, green / 255, blue / 255, 1])
+            spec.worldbody.add_geom(
+                type=mujoco.mjtGeom.mjGEOM_SPHERE,
+                size=[0.05, 0, 0],
+                pos=np.array(ned) * NWU_FROM_NED,
+                rgba=[red / 255, green / 255, blue / 255, 1],
+            )
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
         mujoco.mj_kinematics(self.model, self.data)

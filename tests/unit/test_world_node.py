@@ -48,8 +48,24 @@ class Feeder:
         self.mav = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
 
     def send(self, up_m: float) -> None:
-        message = self.mav.hil_state_quaternion_encode(0, [1.0, 0.0, 0.0, 0.0], 0.0, 0.0, 0.0, 473977420, 85455940,
-                                                       488_000 + round(up_m * 1000), 0, 0, 0, 0, 0, 0, 0, 0)
+        message = self.mav.hil_state_quaternion_encode(
+            0,
+            [1.0, 0.0, 0.0, 0.0],
+            0.0,
+            0.0,
+            0.0,
+            473977420,
+            85455940,
+            488_000 + round(up_m * 1000),
+            0,
+            0,
+            0,
+            0,
+            0,
+            0,
+            0,
+            0,
+        )
         self.udp.sendto(message.pack(self.mav), self.peer)
 
 
@@ -199,8 +215,13 @@ def test_frames_that_fall_out_are_counted_as_late(world: World) -> None:
 def test_a_camera_without_gl_is_one_line_that_names_the_packages() -> None:
     code = "from simulation.world.gl import open_context\nopen_context(64, 48)"
     result = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False,
-        env={"PATH": "/usr/bin:/bin", "PYTHONPATH": str(Path(__file__).parents[2]), "PYOPENGL_PLATFORM": "glx"})
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+        env={"PATH": "/usr/bin:/bin", "PYTHONPATH": str(Path(__file__).parents[2]), "PYOPENGL_PLATFORM": "glx"},
+    )
     assert result.returncode != 0
     last = result.stderr.strip().splitlines()[-1]
     assert "GlMissingError" in last and "libegl1" in last and "libgl1-mesa-dri" in last
@@ -210,8 +231,17 @@ def test_a_camera_without_gl_is_one_line_that_names_the_packages() -> None:
 def test_the_picture_has_the_size_of_the_vehicles_camera(tmp_path: Path) -> None:
     scenario = tmp_path / "s.toml"
     scenario.write_text(SCENARIO.format(extra=""))
-    small = {"down": {"width": 320, "height": 240, "fx_px": 220.0, "fy_px": 220.0, "cx_px": 159.5, "cy_px": 119.5,
-                      "rate_hz": 10.0}}
+    small = {
+        "down": {
+            "width": 320,
+            "height": 240,
+            "fx_px": 220.0,
+            "fy_px": 220.0,
+            "cx_px": 159.5,
+            "cy_px": 119.5,
+            "rate_hz": 10.0,
+        }
+    }
     port = free_port()
     config = Config({"camera": small, "world": {"scenario": str(scenario), "port": port}}, SECTIONS)
     node = WorldNode(config, "world")

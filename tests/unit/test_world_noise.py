@@ -43,8 +43,10 @@ def test_shade_multiplies_each_channel_and_clips(gain: tuple[float, float, float
 
 
 def test_light_ramps_steps_drifts_and_repeats() -> None:
-    steps = (LightStepConfig(at_s=10.0, gain=0.5, ramp_s=4.0),
-             LightStepConfig(at_s=20.0, gain=1.0, tint=(1.1, 1.0, 0.9)))
+    steps = (
+        LightStepConfig(at_s=10.0, gain=0.5, ramp_s=4.0),
+        LightStepConfig(at_s=20.0, gain=1.0, tint=(1.1, 1.0, 0.9)),
+    )
     light = LightConfig(steps=steps, repeat_s=30.0)
     assert light_gain(light, 5.0) == (1.0, 1.0, 1.0)
     assert light_gain(light, 12.0) == pytest.approx((0.75, 0.75, 0.75))

@@ -72,8 +72,11 @@ def test_ping_pong_comes_back_in_reverse() -> None:
 
 def test_curves_are_driven_slower_than_straights() -> None:
     fast = tuple(waypoint(w.north_m, w.east_m, 1.5) for w in SQUARE)
-    path = car_path(CarConfig(path=PathConfig(waypoints=fast, turn_radius_m=0.6, lateral_acceleration_m_s2=0.6,
-                                              turn_rate_rad_s=0.9)))
+    path = car_path(
+        CarConfig(
+            path=PathConfig(waypoints=fast, turn_radius_m=0.6, lateral_acceleration_m_s2=0.6, turn_rate_rad_s=0.9)
+        )
+    )
     motion = path.at(np.arange(30.0, 60.0, 0.01))
     speed = np.hypot(*motion.ned_v_m_s.T)
     rate = np.abs(np.diff(np.unwrap(motion.heading_rad))) / 0.01

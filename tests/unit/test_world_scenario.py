@@ -51,17 +51,22 @@ def test_unknown_scenario_lists_the_known_ones() -> None:
         load_scenario("chaise")
 
 
-@pytest.mark.parametrize(("table", "text"), [
-    ({"car": {"path": {"waypoints": [{"north_m": 0, "east_m": 0, "speed_m_s": 1.6}]}}}, "1.5"),
-    ({"car": {"roof": "red"}}, "roof"),
-    ({"car": {"path": {"waypoints": [{"north_m": 0, "east_m": 0}, {"north_m": 1, "east_m": 0}]}}}, "at least 3"),
-    ({"car": {"path": {"waypoints": [{"north_m": n, "east_m": 0} for n in (0, 0, 4)]}}}, "same place"),
-    ({"car": {"path": {"mode": "ping_pong", "waypoints": [{"north_m": n, "east_m": 0} for n in (0, 4, 1)]}}},
-     "170 degrees"),
-    ({"light": {"steps": [{"at_s": 5}, {"at_s": 2}]}}, "ascending"),
-    ({"light": {"repeat_s": 3, "steps": [{"at_s": 5}]}}, "repeat_s"),
-    ({"radio": {"block_probability": 1.2}}, "block_probability"),
-])
+@pytest.mark.parametrize(
+    ("table", "text"),
+    [
+        ({"car": {"path": {"waypoints": [{"north_m": 0, "east_m": 0, "speed_m_s": 1.6}]}}}, "1.5"),
+        ({"car": {"roof": "red"}}, "roof"),
+        ({"car": {"path": {"waypoints": [{"north_m": 0, "east_m": 0}, {"north_m": 1, "east_m": 0}]}}}, "at least 3"),
+        ({"car": {"path": {"waypoints": [{"north_m": n, "east_m": 0} for n in (0, 0, 4)]}}}, "same place"),
+        (
+            {"car": {"path": {"mode": "ping_pong", "waypoints": [{"north_m": n, "east_m": 0} for n in (0, 4, 1)]}}},
+            "170 degrees",
+        ),
+        ({"light": {"steps": [{"at_s": 5}, {"at_s": 2}]}}, "ascending"),
+        ({"light": {"repeat_s": 3, "steps": [{"at_s": 5}]}}, "repeat_s"),
+        ({"radio": {"block_probability": 1.2}}, "block_probability"),
+    ],
+)
 def test_values_that_make_no_sense_are_refused(table: dict, text: str) -> None:
     with pytest.raises(ConfigError, match=text):
         build(ScenarioConfig, table, "file")

@@ -13,8 +13,9 @@ PLAIN = GroundConfig(kind="snow", size_m=20.0, texture_px=256, trees=0, houses=0
 CAMERA = CameraConfig().camera()
 
 
-def picture_of(scene: Scene, car: CarPose,
-               eye: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def picture_of(
+    scene: Scene, car: CarPose, eye: tuple[float, float, float]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Picture from a level vehicle, and the pose of its camera."""
     scene.place(car, [], eye)
     ned_eye, ned_q_eye = camera_pose(CAMERA, eye, quat_from_euler(0.0, 0.0, 0.0))
@@ -34,7 +35,7 @@ def test_the_parts_of_the_car_are_where_its_pose_puts_them() -> None:
         c, s = np.cos(car.heading_rad), np.sin(car.heading_rad)
         point = (0.6 + c * forward_m - s * right_m, -0.8 + s * forward_m + c * right_m, -height_m)
         column, row = np.round(ned_to_pixels(CAMERA, ned_eye, ned_q_eye, [point])[0]).astype(int)
-        return picture[row - 1:row + 2, column - 1:column + 2].reshape(-1, 3).mean(axis=0)
+        return picture[row - 1 : row + 2, column - 1 : column + 2].reshape(-1, 3).mean(axis=0)
 
     bonnet, roof, boot = colour_at(0.36, 0.0, 0.17), colour_at(0.0, 0.0, 0.3), colour_at(-0.38, 0.0, 0.18)
     stripe = colour_at(0.36, 0.19, 0.16)

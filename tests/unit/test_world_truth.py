@@ -37,8 +37,13 @@ def body_rates(t_s: float) -> np.ndarray:
 def quantised(motion: Motion) -> Motion:
     """As HIL_STATE_QUATERNION carries it: degE7, mm, cm/s."""
     grid = np.array([STEP_M, STEP_M * np.cos(np.deg2rad(HOME[0])), 1e-3])
-    return Motion(motion.t_ns, np.round(motion.ned_p_m / grid) * grid, np.round(motion.ned_v_m_s, 2), motion.ned_q_body,
-                  motion.body_rates_rad_s)
+    return Motion(
+        motion.t_ns,
+        np.round(motion.ned_p_m / grid) * grid,
+        np.round(motion.ned_v_m_s, 2),
+        motion.ned_q_body,
+        motion.body_rates_rad_s,
+    )
 
 
 def history(rate_hz: float, seconds: float) -> list[Motion]:
@@ -76,8 +81,11 @@ def test_interpolation_at_full_rate_is_good_to_millimetres_and_tenths_of_a_degre
 
 def test_interpolation_at_the_default_rate_of_the_port_still_holds() -> None:
     flown = history(25.0, 4.0)
-    errors = [np.abs(got.ned_p_m - true_motion(t).ned_p_m).max()
-              for t in np.arange(1.0, 3.9, 0.0137) if (got := motion_at(flown, int(t * 1e9), 0))]
+    errors = [
+        np.abs(got.ned_p_m - true_motion(t).ned_p_m).max()
+        for t in np.arange(1.0, 3.9, 0.0137)
+        if (got := motion_at(flown, int(t * 1e9), 0))
+    ]
     assert len(errors) > 200 and max(errors) < 0.008
 
 
@@ -128,9 +136,26 @@ class Autopilot:
     def truth(self, north_m: float, up_m: float, yaw_rad: float = 0.0) -> None:
         lat = HOME[0] + np.degrees(north_m / EARTH_RADIUS_M)
         attitude_q = [float(c) for c in quat_from_euler(0.0, 0.0, yaw_rad)]
-        self.send(self.mav.hil_state_quaternion_encode(
-            0, attitude_q, 0.0, 0.0, 0.1, round(lat * 1e7), round(HOME[1] * 1e7), round((HOME[2] + up_m) * 1000),
-            120, 0, -50, 0, 0, 0, 0, 0))
+        self.send(
+            self.mav.hil_state_quaternion_encode(
+                0,
+                attitude_q,
+                0.0,
+                0.0,
+                0.1,
+                round(lat * 1e7),
+                round(HOME[1] * 1e7),
+                round((HOME[2] + up_m) * 1000),
+                120,
+                0,
+                -50,
+                0,
+                0,
+                0,
+                0,
+                0,
+            )
+        )
 
     def asked(self) -> mavlink.MAVLink_command_long_message:
         """Next COMMAND_LONG that arrives."""
@@ -241,8 +266,9 @@ def test_garbage_and_broken_quaternions_are_ignored() -> None:
     try:
         autopilot.udp.sendto(b"\xfdgarbage" * 9, autopilot.peer)
         no_attitude = [0.0] * 4
-        autopilot.send(autopilot.mav.hil_state_quaternion_encode(0, no_attitude, 0, 0, 0, 1, 1, 1, 0, 0, 0, 0, 0, 0,
-                                                                         0, 0))
+        autopilot.send(
+            autopilot.mav.hil_state_quaternion_encode(0, no_attitude, 0, 0, 0, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0)
+        )
         time.sleep(0.1)
         assert port.newest_ns is None
         autopilot.truth(0.0, 0.0)
