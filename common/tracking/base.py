@@ -53,6 +53,22 @@ class TrackResult:
         return shared / (self.size_px[0] * self.size_px[1] + box[2] * box[3] - shared)
 
 
+@dataclass(frozen=True)
+class Expectation:
+    """Where the next picture should show the target, from a motion model outside the picture."""
+
+    center_px: tuple[float, float]
+    """Centre (column, row), px."""
+    angle_rad: float
+    """Rotation, rad."""
+    moved_px: tuple[float, float]
+    """How far that is from where the same model had it in the last picture, px."""
+    turned_rad: float
+    """How far it turned in the picture by the camera's own turn since then, rad."""
+    grown: float
+    """Its size over the one in the last picture."""
+
+
 class Tracker(Protocol):
     """A single-object tracker: told once what the target looks like, then asked picture by picture where it is."""
 
@@ -68,6 +84,10 @@ class Tracker(Protocol):
         Raises:
             ValueError: no colour picture, or a box that is degenerate or not in the picture.
         """
+        ...
+
+    def expect(self, expectation: Expectation) -> None:
+        """Say where the next picture should show the target; what counts as seen is unchanged by it."""
         ...
 
     def update(self, frame: np.ndarray, t_ns: int) -> TrackResult:

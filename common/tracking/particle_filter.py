@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from common.tracking.base import Box, TrackResult, TrackState, check_box, check_frame
+from common.tracking.base import Box, Expectation, TrackResult, TrackState, check_box, check_frame
 from common.tracking.config import ParticleFilterConfig
 from common.tracking.histogram import PSI, SCALE, HistogramModel, X, Y, kernel_grid, learn_model
 from common.tracking.motion import ConstantVelocity, MotionNoise, wrap_angle
@@ -78,7 +78,7 @@ class ParticleFilterTracker:
         check_box(frame, box, angle_rad)
         config = self._config
         x, y, width, height = box
-        self._size_px = size = math.sqrt(width * height)
+        self._size_px = self._usual_size_px = size = math.sqrt(width * height)
         self._unit = np.array([size, size, 1.0, 1.0 / size])  # what a relative noise of one is, in the state's units
         state = np.array([x + width / 2, y + height / 2, wrap_angle(angle_rad), 1.0 / size])
         self._model = learn_model(frame, state, height / width, self._dense)
@@ -89,7 +89,7 @@ class ParticleFilterTracker:
         self._gain = self._tried_gain = 1.0
         self._first_distances: list[float] = []
         self._healthy_distance = config.limit_ceiling / config.limit_factor
-        self._expected: tuple[tuple[float, float], float] | None = None
+        self._expected: Expectation | None = None
         self._unseen_s = 0.0
         self._searches = 0
         self._frame, self._t_ns = frame, t_ns
@@ -109,7 +109,7 @@ class ParticleFilterTracker:
         self._frame, self._t_ns = frame, t_ns
         self._evolve(min(dt_s, self._config.longest_step_s))
         if self._expected is not None and self._unseen_s > 0:
-            self._recentre(*self._expected)
+            self._recentre(self._expected)
         self._expected = None
         distances = self._distances(self._model)
         smallest = float(distances.min())
@@ -123,23 +123,23 @@ class ParticleFilterTracker:
         self._result = self._report(mean, angle_std, smallest)
         return self._result
 
-    def expect(self, center_px: tuple[float, float], angle_rad: float) -> None:
+    def expect(self, expectation: Expectation) -> None:
         """Say where the next picture should show the target, from a motion model outside the picture.
 
-        A camera on a vehicle that brakes and turns moves the whole picture: while the target is hidden, its constant
-        velocity in the picture (Teulière 2011, section II-D) then leads away from it. It is used only in critical
-        mode, and moves the particles that coast; what counts as seen is unchanged.
+        A camera on a vehicle that brakes and turns moves the whole picture, and a constant velocity in the picture
+        (Teulière 2011, section II-C) is then wrong by more than the particles spread. While the target is seen, they
+        move by the expected change; while it is hidden, the coasting ones are put where it is expected.
         """
-        self._expected = (center_px, angle_rad)
+        self._expected = expectation
 
-    def _recentre(self, center_px: tuple[float, float], angle_rad: float) -> None:
+    def _recentre(self, expected: Expectation) -> None:
         """Move the coasting particles, as a cloud, to where the target is expected."""
         coasting = self._states[self._strewn :]
         mean, _ = expected_state(coasting, np.full(len(coasting), 1 / len(coasting)))
         rows, columns = self._frame.shape[:2]
-        x = min(max(center_px[0], -self._size_px), columns + self._size_px)
-        y = min(max(center_px[1], -self._size_px), rows + self._size_px)
-        coasting[:, : PSI + 1] += np.array([x, y, angle_rad]) - mean[: PSI + 1]
+        x = min(max(expected.center_px[0], -self._size_px), columns + self._size_px)
+        y = min(max(expected.center_px[1], -self._size_px), rows + self._size_px)
+        coasting[:, : PSI + 1] += np.array([x, y, expected.angle_rad]) - mean[: PSI + 1]
         self._rates[self._strewn :] = 0.0
 
     @property
@@ -187,7 +187,7 @@ class ParticleFilterTracker:
         self._motion.predict(dt_s)
         walk = np.array([config.position_noise, config.position_noise, config.angle_noise, config.scale_noise])
         walk *= self._unit * math.sqrt(dt_s) * (1.0 if seen else config.predicted_noise)
-        self._states = self._states + self._rates * dt_s + self._rng.normal(size=self._states.shape) * walk
+        self._states = self._states + self._moved(dt_s) + self._rng.normal(size=self._states.shape) * walk
         memory_s = np.array([np.inf, np.inf, config.angle_rate_memory_s, config.scale_rate_memory_s])
         self._rates = self._rates * np.exp(-dt_s / memory_s)
         low, high = 1 / (self._size_px * config.max_scale), config.max_scale / self._size_px
@@ -198,10 +198,25 @@ class ParticleFilterTracker:
             self._rates[inside != self._states[:, axis], axis] = 0.0
             self._states[:, axis] = inside
 
+    def _moved(self, dt_s: float) -> np.ndarray:
+        """How far each particle moves in a time: as expected from outside while the target is seen, else at its rate.
+
+        The size follows the expectation in either case.
+        """
+        moved, expected = self._rates * dt_s, self._expected
+        if expected is None:
+            return moved
+        if self._unseen_s == 0:
+            moved[:, :PSI] = expected.moved_px
+            moved[:, PSI] += expected.turned_rad
+        moved[:, SCALE] = self._states[:, SCALE] * (1.0 / expected.grown - 1.0)
+        self._usual_size_px *= expected.grown
+        return moved
+
     def _seen(self, distances: np.ndarray, dt_s: float) -> tuple[np.ndarray, float]:
         """Weigh, estimate, learn motion, limit and light, resample. Returns the mean state and its angle's spread."""
         config = self._config
-        prior = np.exp(-0.5 * (np.log(self._states[:, SCALE] * self._size_px) / config.size_prior) ** 2)
+        prior = np.exp(-0.5 * (np.log(self._states[:, SCALE] * self._usual_size_px) / config.size_prior) ** 2)
         weights = likelihood_weights(distances, config.likelihood_lambda) * prior
         weights /= weights.sum()
         mean, angle_std = expected_state(self._states, weights)

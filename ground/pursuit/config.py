@@ -32,6 +32,15 @@ class PursuitConfig(Section, frozen=True, kw_only=True):
     """Distance from the edge of the picture at which the target's centre is kept, rad: half a target and some."""
     coast_s: Annotated[float, msgspec.Meta(ge=0, le=3)] = 2.0
     """How long an unseen target is flown after on its last velocity, s; then the vehicle stands."""
+    climb_m: NonNegative = 3.0
+    """How much higher than at the chase's beginning the vehicle may fly, to keep a target at the picture's edge in view
+    and to find a lost one, m; 0 leaves the height alone."""
+    climb_after_s: NonNegative = 0.7
+    """How long a target is unseen before the vehicle climbs, s: an occlusion is shorter."""
+    climb_m_s: Positive = 0.8
+    """Fastest climb for it, m/s."""
+    sink_m_s: Positive = 0.4
+    """Fastest descent after it, m/s."""
     yaw_gain_1_s: NonNegative = 0.8
     """Heading rate per radian between target and vehicle, 1/s (eq. 10); 0 leaves the heading alone."""
     yaw_rate_rad_s: Positive = 0.6
@@ -44,6 +53,8 @@ class PursuitConfig(Section, frozen=True, kw_only=True):
     """Target's acceleration that its velocity filter reckons with (white, standard deviation), m/s²."""
     measurement_m: Positive = 0.06
     """Standard deviation of the target's measured position, m."""
+    tracker: str = "particle_filter"
+    """Name of the tracker."""
     seed: int = 1
     """Seed of the tracker's randomness."""
     history_s: Positive = 1.5

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from common.geometry.camera import Camera, horizontal_tangents
 from common.geometry.rotation import euler_from_quat, quat_conjugate, quat_rotate, wrap_angle
+from common.tracking.base import Expectation
 from ground.pursuit.config import PursuitConfig
 from ground.pursuit.target import TargetFilter
 
@@ -33,6 +34,10 @@ _NOSE_PX = 20.0
 _GRAVITY_M_S2 = 9.80665
 _LEAST_HEIGHT_M = 0.3
 _LONGEST_STEP_S = 0.2
+_HEIGHT_GAIN_1_S = 0.8
+_HEIGHT_DEADBAND_M = 0.3
+# Shares of the half field of view between which the vehicle climbs to keep its target in the picture.
+_EDGE_FROM, _EDGE_TO = 0.5, 0.9
 
 
 @dataclass(frozen=True)
@@ -69,6 +74,8 @@ class Wish:
     """Horizontal velocity, NED, m/s, shape (2,)."""
     yaw_rate_rad_s: float
     """Heading rate, clockwise, rad/s."""
+    climb_m_s: float = 0.0
+    """Upward velocity, m/s."""
 
 
 def look(
@@ -134,7 +141,8 @@ class ChaseLaw:
         self._towards = np.zeros(2)
         self._heading_rad = 0.0
         self._towards_m_s2 = self._config.acceleration_m_s2
-        self._t_ns: int | None = None
+        self._height_m: float | None = None
+        self._last: tuple[Pose, int] | None = None
         self._unseen_since_ns: int | None = None
 
     def follow(self, view: View, pose: Pose, t_ns: int, angle_std_rad: float) -> Wish:
@@ -144,37 +152,52 @@ class ChaseLaw:
         self._towards = view.tangents / max(float(np.linalg.norm(view.tangents)), 1e-6)
         self._towards_m_s2 = self._allowed_acceleration(view)
         self._target.update(pose.ned_p_m[:2] + view.relative_m, t_ns)
-        return self._steer(pose, t_ns, self._yaw_rate(view, pose, angle_std_rad))
+        edge = _off_axis_rad(view) / view.half_field_rad
+        higher_m = self._config.climb_m * float(np.clip((edge - _EDGE_FROM) / (_EDGE_TO - _EDGE_FROM), 0.0, 1.0))
+        return self._steer(pose, t_ns, self._yaw_rate(view, pose, angle_std_rad), higher_m)
 
-    def expected(self, camera: Camera, pose: Pose, t_ns: int) -> tuple[tuple[float, float], float] | None:
-        """Where a picture captured at `t_ns` should show the target: pixel, and rotation in the picture, rad.
+    def expected(self, camera: Camera, pose: Pose, t_ns: int) -> Expectation | None:
+        """Where a picture captured at `t_ns` should show the target, and how that changed since the last picture.
 
         The target is carried on in the world at its last velocity, the vehicle's motion is known: None before the
-        target was first seen.
+        target was first seen, and while the camera looks away from it.
         """
-        target = self._target.predict(t_ns)
-        if target is None:
+        now, before = self._target.predict(t_ns), self._last and self._target.predict(self._last[1])
+        if now is None or before is None or self._last is None:
             return None
-        pixel = pixel_of(camera, pose, np.array([*target.position_m, -self._config.target_height_m]))
-        if pixel is None:
+        last, _ = self._last
+        here, there = self._pixel(camera, pose, now.position_m), self._pixel(camera, last, before.position_m)
+        if here is None or there is None:
             return None
-        return pixel, wrap_angle(self._heading_rad - euler_from_quat(pose.ned_q_body)[2])
+        yaw_rad, last_yaw_rad = euler_from_quat(pose.ned_q_body)[2], euler_from_quat(last.ned_q_body)[2]
+        return Expectation(
+            center_px=here,
+            angle_rad=wrap_angle(self._heading_rad - yaw_rad),
+            moved_px=(here[0] - there[0], here[1] - there[1]),
+            turned_rad=wrap_angle(last_yaw_rad - yaw_rad),
+            grown=max(self._above_m(last), _LEAST_HEIGHT_M) / max(self._above_m(pose), _LEAST_HEIGHT_M),
+        )
 
     def coast(self, pose: Pose, t_ns: int) -> Wish:
-        """What to fly for a target that was not seen: after its predicted place for `coast_s`, then stand."""
+        """What to fly for a target that was not seen: after its predicted place for `coast_s`, then stand.
+
+        Meanwhile the vehicle climbs: from higher up it sees more.
+        """
         if self._unseen_since_ns is None:
             self._unseen_since_ns = t_ns
-        if (t_ns - self._unseen_since_ns) / 1e9 <= self._config.coast_s:
-            return self._steer(pose, t_ns, 0.0)
+        unseen_s = (t_ns - self._unseen_since_ns) / 1e9
+        higher_m = self._config.climb_m if unseen_s >= self._config.climb_after_s else 0.0
+        if unseen_s <= self._config.coast_s:
+            return self._steer(pose, t_ns, 0.0, higher_m)
         self._integral[:] = 0.0
-        return Wish(self._limited(np.zeros(2), self._step_s(t_ns)), 0.0)
+        return Wish(self._limited(np.zeros(2), self._step_s(pose, t_ns)), 0.0, self._climb(pose, higher_m))
 
-    def _steer(self, pose: Pose, t_ns: int, yaw_rate_rad_s: float) -> Wish:
+    def _steer(self, pose: Pose, t_ns: int, yaw_rate_rad_s: float, higher_m: float) -> Wish:
         c = self._config
         target = self._target.predict(t_ns)
         if target is None:
             return Wish(np.zeros(2), 0.0)
-        dt_s = self._step_s(t_ns)
+        dt_s = self._step_s(pose, t_ns)
         vehicle_v = pose.ned_v_m_s[:2]
         relative_v = target.velocity_m_s - vehicle_v
         error_m = target.position_m - pose.ned_p_m[:2] + c.lead_s * relative_v  # eq. 7, times height
@@ -182,7 +205,23 @@ class ChaseLaw:
         error_v = asked_v + relative_v  # eq. 8
         self._integral = _capped(self._integral + c.integral_gain_1_s * dt_s * error_v, c.integral_limit_m_s)
         command = target.velocity_m_s + asked_v + c.velocity_gain * error_v + self._integral
-        return Wish(self._limited(command, dt_s), yaw_rate_rad_s)
+        return Wish(self._limited(command, dt_s), yaw_rate_rad_s, self._climb(pose, higher_m))
+
+    def _climb(self, pose: Pose, higher_m: float) -> float:
+        """Upward velocity towards the height of the chase's beginning, or that much above it, m/s."""
+        height_m = -float(pose.ned_p_m[2])
+        if self._height_m is None:
+            self._height_m = height_m
+        short_m = self._height_m + higher_m - height_m
+        if abs(short_m) < _HEIGHT_DEADBAND_M or self._config.climb_m == 0.0:
+            return 0.0
+        return float(np.clip(_HEIGHT_GAIN_1_S * short_m, -self._config.sink_m_s, self._config.climb_m_s))
+
+    def _pixel(self, camera: Camera, pose: Pose, target_m: Array) -> tuple[float, float] | None:
+        return pixel_of(camera, pose, np.array([*target_m, -self._config.target_height_m]))
+
+    def _above_m(self, pose: Pose) -> float:
+        return -float(pose.ned_p_m[2]) - self._config.target_height_m
 
     def _allowed_acceleration(self, view: View) -> float:
         """Largest change of velocity towards the target whose tilt keeps it in the picture, m/s².
@@ -204,9 +243,9 @@ class ChaseLaw:
         rate = calm * c.yaw_gain_1_s * wrap_angle(view.heading_rad - yaw_rad)  # eq. 10
         return float(np.clip(rate, -c.yaw_rate_rad_s, c.yaw_rate_rad_s))
 
-    def _step_s(self, t_ns: int) -> float:
-        dt_s = 0.0 if self._t_ns is None else min(max(0.0, (t_ns - self._t_ns) / 1e9), _LONGEST_STEP_S)
-        self._t_ns = t_ns
+    def _step_s(self, pose: Pose, t_ns: int) -> float:
+        dt_s = 0.0 if self._last is None else min(max(0.0, (t_ns - self._last[1]) / 1e9), _LONGEST_STEP_S)
+        self._last = (pose, t_ns)
         return dt_s
 
     def _limited(self, command: Array, dt_s: float) -> Array:

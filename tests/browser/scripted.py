@@ -7,6 +7,7 @@ import math
 import threading
 import time
 from dataclasses import dataclass, field
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -74,8 +75,8 @@ class Script:
     battery: float = 0.87
     zone: str = "safe"
     distance_m: float = 8.4
-    track_state: str = "tracking"
-    """`idle`, `tracking` or `lost`; empty: no track goes out."""
+    track_state: Literal["idle", "tracking", "lost", ""] = "tracking"
+    """Empty: no track goes out."""
     preflight: tuple[PreflightItem, ...] = CHECKS
     position_m: Vec3 = (2.0, 1.0, -5.0)
     moving: bool = True

@@ -146,5 +146,5 @@ def test_hidden_target_is_expected_where_the_moved_vehicle_will_see_it(attitude:
     pose = _pose(*attitude)
     expected = law.expected(CAMERA, pose, 39 * 50_000_000 + 500_000_000)
     assert expected is not None
-    assert expected[0] == pytest.approx(pixel_of(CAMERA, pose, np.array([1.45, 0.3, 0.0])), abs=6.0)
-    assert expected[1] == pytest.approx(0.2 - attitude[2], abs=1e-6)
+    assert expected.center_px == pytest.approx(pixel_of(CAMERA, pose, np.array([1.45, 0.3, 0.0])), abs=6.0)
+    assert expected.angle_rad == pytest.approx(0.2 - attitude[2], abs=1e-6)

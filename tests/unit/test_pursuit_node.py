@@ -103,7 +103,7 @@ def test_without_vehicle_state_it_tracks_and_asks_for_nothing() -> None:
     scripted.do("pursuit/do/select", Command(box_px=scripted.box))
     outputs = scripted.picture()
     assert _track(outputs).state == "tracking"
-    assert _track(outputs).reason == "no vehicle state"
+    assert _track(outputs).reason.startswith("no vehicle state")
     assert "helm/request/pursuit" not in outputs
 
 

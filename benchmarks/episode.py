@@ -1,0 +1,225 @@
+"""A chase in one process, without sockets or clocks: the same world, vehicle and algorithms, deterministic for a seed.
+
+It leaves out what only processes have (scheduling, transport, restarts): their delay is one figure here. Pictures go
+through the same JPEG, the request through helm's arbiter, containment and limiter, the setpoint into the same
+simulated autopilot.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import cv2
+import msgspec
+import numpy as np
+
+from common.config import Config
+from common.geometry.config import CamerasConfig
+from common.messages import Request, Truth
+from common.tracking.registry import make_tracker
+from ground.pursuit.config import PursuitConfig
+from ground.pursuit.control import Pose
+from ground.pursuit.pursuer import Pursued, Pursuer
+from onboard.camera.config import VideoConfig
+from onboard.helm.arbiter import Candidate, arbitrate
+from onboard.helm.config import HelmConfig
+from onboard.helm.pilot import Pilot, View
+from onboard.helm.telemetry import AttitudeSample, PositionSample, Telemetry
+from onboard.limiter.config import LimiterConfig
+from simulation.autopilot.config import AutopilotSimConfig
+from simulation.autopilot.control import NAN, MotionSetpoint
+from simulation.autopilot.modes import Mode
+from simulation.autopilot.vehicle import SimulatedVehicle
+from simulation.demo.mission import box_of_corners
+from simulation.demo.report import ChaseRecorder
+from simulation.world.config import WorldConfig
+from simulation.world.scenario import ScenarioConfig
+from simulation.world.stage import Stage
+from simulation.world.truth_filter import Motion
+
+_SEC_NS = 1_000_000_000
+_TO_SETPOINT_NS = 25_000_000
+_TAKEOFF_S = 60.0
+
+
+@dataclass
+class Trace:
+    """What happened, picture by picture."""
+
+    rows: list[dict[str, Any]] = field(default_factory=list)
+
+    def column(self, name: str) -> np.ndarray:
+        """One figure of all pictures, (N,)."""
+        return np.array([row[name] for row in self.rows])
+
+
+class Episode:
+    """One chase.
+
+    Args:
+        config: sections of all processes, as they would read them.
+        scenario: what the world shows.
+        seed: of world, vehicle and tracker.
+        height_m: height of the chase, m.
+    """
+
+    def __init__(self, config: Config, scenario: ScenarioConfig, seed: int, height_m: float = 5.0):
+        self.recorder = ChaseRecorder(selections=1)
+        self.trace = Trace()
+        self._camera = config.section(CamerasConfig).down.camera()
+        world = msgspec.structs.replace(config.section(WorldConfig), seed=seed)
+        self._stage = Stage(world, msgspec.structs.replace(scenario, seed=seed), self._camera)
+        autopilot = msgspec.structs.replace(config.section(AutopilotSimConfig), seed=seed, clock_rate=1.0)
+        self._vehicle = SimulatedVehicle(autopilot)
+        section = msgspec.structs.replace(config.section(PursuitConfig), seed=seed)
+        rng = np.random.default_rng(seed)
+        self._pursuer = Pursuer(section, lambda: make_tracker(section.tracker, config, rng))
+        self._helm = config.section(HelmConfig)
+        self._pilot = Pilot(self._helm, config.section(LimiterConfig))
+        self._jpeg = [cv2.IMWRITE_JPEG_QUALITY, config.section(VideoConfig).jpeg_quality]
+        self._period_ns = round(1e9 / self._camera.rate_hz)
+        self._request: Candidate | None = None
+        self._height_m = height_m
+
+    def fly(self, duration_s: float, progress: Callable[[float], None] = lambda share: None) -> ChaseRecorder:
+        """Take off, choose the car, chase it for a time; what `outrider demo` would report.
+
+        Raises:
+            RuntimeError: the car is not in the picture after the takeoff.
+        """
+        cv2.setNumThreads(1)
+        try:
+            self._take_off()
+            start_ns = self._now_ns()
+            selected = False
+            for index in itertools.count():
+                capture_ns = start_ns + index * self._period_ns
+                if capture_ns - start_ns > duration_s * _SEC_NS:
+                    break
+                self._step_until(capture_ns)
+                truth = self._stage.place(self._motion(capture_ns))
+                data = self._stage.picture(capture_ns)
+                pursued = None
+                if data is not None:
+                    frame = self._through_jpeg(data)
+                    if not selected:
+                        self._select(frame, truth, capture_ns)
+                        selected = True
+                    else:
+                        pursued = self._pursuer.step(frame, capture_ns, self._camera, self._pose())
+                self._obey(pursued, capture_ns)
+                self._note(truth, pursued, capture_ns)
+                progress((capture_ns - start_ns) / (duration_s * _SEC_NS))
+        finally:
+            self._stage.close()
+        return self.recorder
+
+    def _take_off(self) -> None:
+        vehicle = self._vehicle
+        while not vehicle.situation.ready:
+            vehicle.step()
+        vehicle.arm()
+        vehicle.command(Mode.TAKEOFF, self._height_m)
+        while vehicle.modes.mode is Mode.TAKEOFF and vehicle.t_s < _TAKEOFF_S:
+            vehicle.step()
+            if round(vehicle.t_s / vehicle.dt_s) % 12 == 0:
+                self._stage.place(self._motion(self._now_ns()))  # cars set off once the vehicle is airborne
+        self._send(0.0, 0.0, -self._height_m, 0.0)
+        vehicle.step()
+        vehicle.command(Mode.OFFBOARD)
+        self._pilot.reset(self._telemetry(self._now_ns()), self._now_ns(), self._height_m)
+
+    def _select(self, frame: np.ndarray, truth: Truth, capture_ns: int) -> None:
+        if not truth.target_corners_px:
+            raise RuntimeError("episode: the car is not in the picture after the takeoff; begin its path near home")
+        box, angle_rad = box_of_corners(truth.target_corners_px, truth)
+        self._pursuer.select(frame, box, angle_rad, capture_ns)
+
+    def _obey(self, pursued: Pursued | None, capture_ns: int) -> None:
+        """What helm does with the request, at the time when its setpoint would reach the autopilot."""
+        if pursued is not None and pursued.wish is not None:
+            wish = pursued.wish
+            vector = (float(wish.ned_v_m_s[0]), float(wish.ned_v_m_s[1]), -wish.climb_m_s)
+            request = Request(frame="ned", vector=vector, yaw_rate_rad_s=wish.yaw_rate_rad_s)
+            self._request = Candidate("pursuit", request, capture_ns, capture_ns + _TO_SETPOINT_NS)
+        t_ns = capture_ns + _TO_SETPOINT_NS
+        self._step_until(t_ns)
+        telemetry = self._telemetry(t_ns)
+        yaw_rad = telemetry.attitude.yaw_rad if telemetry.attitude else 0.0
+        candidates = [self._request] if self._request is not None else []
+        verdict = arbitrate(candidates, t_ns, yaw_rad, self._helm.freshness_s)
+        flown = self._pilot.fly(verdict, telemetry, View(None), t_ns)
+        if flown is not None:
+            local = flown.local
+            self._send(local.north_m_s, local.east_m_s, local.local_z_m, local.yaw_rate_rad_s)
+
+    def _send(self, north_m_s: float, east_m_s: float, z_m: float, yaw_rate_rad_s: float) -> None:
+        self._vehicle.take_setpoint(
+            MotionSetpoint((NAN, NAN, z_m), (north_m_s, east_m_s, NAN), yaw_rate_rad_s=yaw_rate_rad_s)
+        )
+
+    def _note(self, truth: Truth, pursued: Pursued | None, capture_ns: int) -> None:
+        error_m = math.dist(truth.ned_p_m[:2], truth.target_ned_p_m[:2])
+        self.recorder.errors_m.append(error_m)
+        self.recorder.heights_m.append(-truth.ned_p_m[2])
+        if pursued is not None:
+            self.recorder.states.append((capture_ns, "tracking" if pursued.seen else "lost"))
+        self.trace.rows.append(
+            {
+                "t_s": capture_ns / 1e9,
+                "error_m": error_m,
+                "height_m": -truth.ned_p_m[2],
+                "visible": truth.target_visible,
+                "seen": pursued is not None and pursued.seen,
+                "distance": 1.0 - pursued.result.score if pursued is not None else math.nan,
+                "limit": 1.0 - pursued.result.score_limit if pursued is not None else math.nan,
+                "off_m": self._off_m(truth, pursued),
+                "speed_m_s": math.hypot(*truth.ned_v_m_s[:2]),
+                "target_m_s": math.hypot(*truth.target_ned_v_m_s[:2]),
+            }
+        )
+
+    def _off_m(self, truth: Truth, pursued: Pursued | None) -> float:
+        """Distance between where the tracker has the target and where it is, m."""
+        if pursued is None or pursued.view is None:
+            return math.nan
+        place = np.array(truth.ned_p_m[:2]) + pursued.view.relative_m
+        return float(np.linalg.norm(place - truth.target_ned_p_m[:2]))
+
+    def _through_jpeg(self, data: bytes) -> np.ndarray:
+        pixels = np.frombuffer(data, np.uint8).reshape(self._camera.height, self._camera.width, 3)
+        _, jpeg = cv2.imencode(".jpg", pixels, self._jpeg)
+        return np.asarray(cv2.imdecode(jpeg, cv2.IMREAD_COLOR))
+
+    def _now_ns(self) -> int:
+        return round(self._vehicle.t_s * _SEC_NS)
+
+    def _step_until(self, t_ns: int) -> None:
+        while self._now_ns() < t_ns:
+            self._vehicle.step()
+
+    def _motion(self, t_ns: int) -> Motion:
+        t = self._vehicle.truth
+        return Motion(
+            t_ns, np.array(t.ned_p_m), np.array(t.ned_v_m_s), np.array(t.ned_q_body), np.array(t.body_rates_rad_s)
+        )
+
+    def _pose(self) -> Pose:
+        e = self._vehicle.estimate
+        return Pose(np.array(e.ned_p_m), np.array(e.ned_v_m_s), np.array(e.ned_q_body))
+
+    def _telemetry(self, t_ns: int) -> Telemetry:
+        e = self._vehicle.estimate
+        return Telemetry(
+            found=True,
+            attitude=AttitudeSample(t_ns, e.ned_q_body, e.body_rates_rad_s),
+            position=PositionSample(t_ns, e.ned_p_m, e.ned_v_m_s),
+            home_local_m=(0.0, 0.0, 0.0),
+            mode="OFFBOARD",
+            armed=True,
+            in_air=True,
+        )
