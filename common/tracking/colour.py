@@ -4,9 +4,9 @@ Two things are added to the fixed bins of Teulière 2011, both because a painted
 - With fixed bounds a peak that happens to lie on one flips between two bins with every change of light or noise, and
   the distance to the reference jumps from 0.2 to 0.6. So the bounds of each channel are shifted, once, at the start,
   to where the target is told from its surroundings best and changes least under a small change of light.
-- Values are multiplied by a gain before they are binned. The tracker moves it slowly while it sees the target
-  well: the adaptation to illumination that the paper names as future work. One number cannot learn the background, as
-  an adapting reference histogram does.
+- Values are multiplied by a gain for each channel before they are binned (`common.tracking.light` moves them): the
+  adaptation to illumination that the paper names as future work. Three numbers cannot learn the background, as an
+  adapting reference histogram does.
 """
 
 from __future__ import annotations
@@ -33,17 +33,17 @@ class ColourBins:
     offsets: tuple[int, int, int] = (0, 0, 0)
     """Shift of the bounds of each channel (B, G, R) towards dark, grey levels, 0 to 31."""
 
-    def of(self, pixels: np.ndarray, gain: float = 1.0) -> np.ndarray:
+    def of(self, pixels: np.ndarray, gain: float | np.ndarray = 1.0) -> np.ndarray:
         """Bin of each pixel.
 
         Args:
             pixels: (H, W, 3) uint8 BGR, H and W at least 1.
-            gain: factor on the values before they are binned.
+            gain: factor on the values before they are binned; one, or (3,) for B, G, R.
 
         Returns:
             (H, W) int16, 0 to 511.
         """
-        values = np.minimum(np.arange(256) * gain, 255.0)[:, None] + self.offsets
+        values = np.minimum(np.arange(256)[:, None] * np.broadcast_to(gain, 3), 255.0) + self.offsets
         table = np.minimum(values / BIN_WIDTH, BINS_PER_CHANNEL - 1).astype(np.uint8)
         parts = cv2.LUT(pixels, table[None])
         bins = parts[..., 0].astype(np.int16)
@@ -52,7 +52,9 @@ class ColourBins:
             bins += parts[..., channel]
         return bins
 
-    def histogram(self, pixels: np.ndarray, weights: np.ndarray | None = None, gain: float = 1.0) -> np.ndarray:
+    def histogram(
+        self, pixels: np.ndarray, weights: np.ndarray | None = None, gain: float | np.ndarray = 1.0
+    ) -> np.ndarray:
         """Normalised histogram (512,) of pixels (N, 3), with weights (N,) or all alike."""
         counts = np.bincount(self.of(pixels[None], gain)[0], weights, BINS).astype(float)
         return counts / counts.sum()

@@ -31,6 +31,9 @@ LAYOUTS: dict[str, tuple[tuple[tuple[float, float], ...], tuple[float, float]]] 
 """Kernel centres and half-axes in units of the rectangle's sides, from its centre; kernels of a layout are identical.
 Those of `five` overlap and reach 5 % over the edge: the rim of ground tells a shrunken rectangle from a fitting one."""
 
+_GATHER_FROM = 2.0
+"""Pixels per point from which it is quicker to look up each point by itself."""
+
 
 @dataclass(frozen=True)
 class KernelGrid:
@@ -84,8 +87,7 @@ def state_histograms(
 
     A row sums to one inside the picture, and to less where the kernel reaches out of it.
     """
-    window, index = _window(frame, *sample_pixels(state[None], aspect, grid.points), bins, 1.0)
-    found = window.ravel()[index].reshape(grid.kernels, -1)
+    found = _bins_at(frame, *sample_pixels(state[None], aspect, grid.points), bins, 1.0).reshape(grid.kernels, -1)
     weights = grid.weights.reshape(grid.kernels, -1)
     return np.stack([np.bincount(b, w, BINS + 1)[:BINS] for b, w in zip(found, weights, strict=True)])
 
@@ -113,26 +115,40 @@ class HistogramModel:
         self._root_reference = np.zeros((len(reference), self._columns))
         self._root_reference[:, :-1] = np.sqrt(reference[:, held])
 
-    def distances(self, frame: np.ndarray, states: np.ndarray, grid: KernelGrid, gain: float = 1.0) -> np.ndarray:
+    def distances(
+        self, frame: np.ndarray, states: np.ndarray, grid: KernelGrid, gain: float | np.ndarray = 1.0
+    ) -> np.ndarray:
         """Mean Bhattacharyya distance of each state to the reference (eq. 4).
 
         Args:
             frame: (H, W, 3) uint8.
             states: (N, 4), as in `sample_pixels`.
             grid: sampling points, with as many kernels as the reference has rows.
-            gain: factor on the picture's values before they are binned.
+            gain: factor on the picture's values before they are binned; one, or (3,) for B, G, R.
 
         Returns:
             (N,), 0 to 1.
         """
-        count, kernels, points = len(states), grid.kernels, len(grid.points)
-        window, index = _window(frame, *sample_pixels(states, self.aspect, grid.points), self.bins, gain)
-        slots = self._column_of_bin[window].ravel()[index].astype(np.int64)  # the type that bincount does not copy
-        slots += np.repeat(np.arange(kernels) * self._columns, points // kernels)
-        slots += (np.arange(count) * (kernels * self._columns))[:, None]
+        columns, rows = sample_pixels(states, self.aspect, grid.points)
+        return self._to_reference(_bins_at(frame, columns, rows, self.bins, gain), grid)
+
+    def relit(self, frame: np.ndarray, state: np.ndarray, grid: KernelGrid, gains: np.ndarray) -> np.ndarray:
+        """Mean Bhattacharyya distance (G,) of one state (4,) under each of the gains (G, 3)."""
+        columns, rows = sample_pixels(state[None], self.aspect, grid.points)
+        pixels, outside = _gathered(frame, columns, rows)
+        bins = np.concatenate([self.bins.of(pixels, gain) for gain in gains])
+        bins[:, outside[0]] = OUTSIDE
+        return self._to_reference(bins, grid)
+
+    def _to_reference(self, bins: np.ndarray, grid: KernelGrid) -> np.ndarray:
+        """Mean distance (N,) of the histograms of bins (N, n_h * m) at the grid's points."""
+        count, points = bins.shape
+        slots = self._column_of_bin[bins].astype(np.int64)  # the type that bincount does not copy
+        slots += np.repeat(np.arange(grid.kernels) * self._columns, points // grid.kernels)
+        slots += (np.arange(count) * (grid.kernels * self._columns))[:, None]
         weights = np.broadcast_to(grid.weights, (count, points))
-        histograms = np.bincount(slots.ravel(), weights.ravel(), count * kernels * self._columns)
-        roots = np.sqrt(histograms, out=histograms).reshape(count, kernels, self._columns)
+        histograms = np.bincount(slots.ravel(), weights.ravel(), count * grid.kernels * self._columns)
+        roots = np.sqrt(histograms, out=histograms).reshape(count, grid.kernels, self._columns)
         rho = np.einsum("nkc,kc->nk", roots, self._root_reference)
         return np.sqrt(np.maximum(0.0, 1.0 - rho)).mean(axis=1)
 
@@ -172,17 +188,31 @@ def _pixels(
     return frame[rows[inside], columns[inside]], weights[inside]
 
 
-def _window(
-    frame: np.ndarray, columns: np.ndarray, rows: np.ndarray, bins: ColourBins, gain: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Bins of the part of the picture that the points touch, with a rim of OUTSIDE, and flat indices into it."""
+def _bins_at(
+    frame: np.ndarray, columns: np.ndarray, rows: np.ndarray, bins: ColourBins, gain: float | np.ndarray
+) -> np.ndarray:
+    """Bin of each point (N, M), OUTSIDE beyond the picture.
+
+    Whichever is less is binned: the part of the picture that the points touch, or each point by itself.
+    """
     left, top = max(0, int(columns.min())), max(0, int(rows.min()))
     right = max(left, min(frame.shape[1], int(columns.max()) + 1))
     bottom = max(top, min(frame.shape[0], int(rows.max()) + 1))
+    if (right - left) * (bottom - top) > _GATHER_FROM * columns.size:
+        pixels, outside = _gathered(frame, columns, rows)
+        found = bins.of(pixels, gain)
+        found[outside] = OUTSIDE
+        return found
     window = np.full((bottom - top + 2, right - left + 2), OUTSIDE, np.int16)
     if right > left and bottom > top:
         window[1:-1, 1:-1] = bins.of(frame[top:bottom, left:right], gain)
     index = np.clip(rows - (top - 1), 0, window.shape[0] - 1)
     index *= window.shape[1]
     index += np.clip(columns - (left - 1), 0, window.shape[1] - 1)
-    return window, index
+    return window.ravel()[index]
+
+
+def _gathered(frame: np.ndarray, columns: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pixels (N, M, 3) at points, and which of them (N, M) lie outside the picture (their pixel is one at the edge)."""
+    x, y = columns.clip(0, frame.shape[1] - 1), rows.clip(0, frame.shape[0] - 1)
+    return frame[y, x], (x != columns) | (y != rows)

@@ -17,16 +17,8 @@ import numpy as np
 from common.tracking.base import Box, Expectation, TrackResult, TrackState, check_box, check_frame
 from common.tracking.config import ParticleFilterConfig
 from common.tracking.histogram import PSI, SCALE, HistogramModel, X, Y, kernel_grid, learn_model
+from common.tracking.light import Light
 from common.tracking.motion import ConstantVelocity, MotionNoise, wrap_angle
-
-_LIGHT_STEPS = np.linspace(-0.06, 0.06, 5)
-"""Relative changes of the gain that are tried on each picture: twice the steepest light change seen at 20 Hz."""
-_LIGHT_LAMBDA = 200.0
-"""Sharpness of the choice among them; ten times eq. 5, since the dense grid's distances are that much less noisy."""
-_GAIN_BOUNDS = (0.4, 2.5)
-_NEAR_GAINS = (1.06, 0.94)
-_SEARCH_GAINS = (1.0, 0.8, 1.25, 0.65, 1.5)
-"""Factors on the gain that the search goes through, one a picture: the light may have changed meanwhile."""
 
 
 def likelihood_weights(distances: np.ndarray, sharpness: float) -> np.ndarray:
@@ -86,12 +78,11 @@ class ParticleFilterTracker:
         self._states = state + self._rng.normal(size=(config.particles, 4)) * spread
         self._rates = np.zeros_like(self._states)
         self._motion = self._new_motion(state)
-        self._gain = self._tried_gain = 1.0
+        self._light = Light(config.light_memory_s)
         self._first_distances: list[float] = []
         self._healthy_distance = config.limit_ceiling / config.limit_factor
         self._expected: Expectation | None = None
         self._unseen_s = 0.0
-        self._searches = 0
         self._frame, self._t_ns = frame, t_ns
         self._result = self._report(state, config.start_angle, 0.0)
 
@@ -149,16 +140,14 @@ class ParticleFilterTracker:
         return int(self._config.search * len(self._states)) if searching else 0
 
     def _distances(self, model: HistogramModel) -> np.ndarray:
-        """Distances (N,) under the gain in force, or the nearby gain that finds the target when that one does not."""
-        distances = model.distances(self._frame, self._states, self._grid, self._tried_gain)
-        if self._config.light_memory_s == 0 or distances.min() <= self._limit:
+        """Distances (N,) under the light in force, or under another that finds the target when that one does not."""
+        distances = model.distances(self._frame, self._states, self._grid, self._light.gain)
+        if distances.min() <= self._limit:
             return distances
-        # One picture beyond the limit would stop the gain while the light goes on changing: look a step further.
-        for factor in _NEAR_GAINS:
-            gain = min(max(self._tried_gain * factor, _GAIN_BOUNDS[0]), _GAIN_BOUNDS[1])
+        for gain in self._light.jumps():
             other = model.distances(self._frame, self._states, self._grid, gain)
             if other.min() <= self._limit:
-                self._tried_gain = gain
+                self._light.gain = gain
                 return other
         return distances
 
@@ -231,24 +220,11 @@ class ParticleFilterTracker:
             self._motion.correct(mean, confidence)
         self._unseen_s = 0.0
         self._healthy_distance += (1 - math.exp(-dt_s / config.limit_memory_s)) * (smallest - self._healthy_distance)
-        self._gain = self._tried_gain
-        self._follow_light(mean, dt_s)
-        self._tried_gain = self._gain
+        if self._model is not None:
+            self._light.follow(self._model, self._frame, mean, self._dense, dt_s)
         self._states = self._states[systematic_resample(weights, self._rng.random())]
         self._rates = np.tile(self._motion.rate, (len(self._states), 1))
         return mean, angle_std
-
-    def _follow_light(self, mean: np.ndarray, dt_s: float) -> None:
-        """Move the gain to where the estimate's distance is smallest."""
-        if self._model is None or self._config.light_memory_s == 0:
-            return
-        tried = [
-            self._model.distances(self._frame, mean[None], self._dense, self._gain * (1 + step))[0]
-            for step in _LIGHT_STEPS
-        ]
-        step = float(likelihood_weights(np.array(tried), _LIGHT_LAMBDA) @ _LIGHT_STEPS)
-        self._gain *= 1 + min(1.0, dt_s / self._config.light_memory_s) * step
-        self._gain = min(max(self._gain, _GAIN_BOUNDS[0]), _GAIN_BOUNDS[1])
 
     def _unseen(self, dt_s: float) -> tuple[np.ndarray, float]:
         """Critical mode: no weights, no resampling, the motion alone (section II-D). Returns as `_seen`."""
@@ -262,22 +238,17 @@ class ParticleFilterTracker:
         self._unseen_s += dt_s
         coasting = self._states[self._strewn :]
         mean, angle_std = expected_state(coasting, np.full(len(coasting), 1 / len(coasting)))
-        self._tried_gain = self._gain
         if self._strewn:
             self._strew(self._strewn, mean[PSI])
         return mean, angle_std
 
     def _strew(self, count: int, angle_rad: float) -> None:
-        """Put the first particles anywhere in the picture for the next update, and try another light with them."""
+        """Put the first particles anywhere in the picture for the next update."""
         rows, columns = self._frame.shape[:2]
         self._states[:count, X] = self._rng.random(count) * columns
         self._states[:count, Y] = self._rng.random(count) * rows
         self._states[:count, PSI] = angle_rad + 0.6 * self._rng.normal(size=count)
         self._rates[:count] = 0.0
-        self._searches += 1
-        if self._config.light_memory_s > 0:
-            gain = self._gain * _SEARCH_GAINS[self._searches % len(_SEARCH_GAINS)]
-            self._tried_gain = min(max(gain, _GAIN_BOUNDS[0]), _GAIN_BOUNDS[1])
 
     def _report(self, mean: np.ndarray, angle_std_rad: float, smallest: float) -> TrackResult:
         state: TrackState = "tracking"

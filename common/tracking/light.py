@@ -1,0 +1,66 @@
+"""The light on the target against the light of its first picture: a gain for each colour channel, followed and found.
+
+Teulière 2011 leaves the adaptation to illumination to future work (section V). While the target is seen, small changes
+are followed, in brightness and in each channel by itself (a cloud also changes the colour). When it is not seen, the
+light may have jumped (a shadow, the camera's exposure): gains farther away are tried, a few in each picture.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from common.tracking.histogram import HistogramModel, KernelGrid
+
+_BRIGHTER = np.linspace(-0.06, 0.06, 5)
+"""Relative changes of brightness that are tried on each picture: twice the steepest one seen at 20 Hz."""
+_TINTED = 0.04
+"""Relative change of one channel that is tried."""
+_STEPS = np.concatenate([np.outer(_BRIGHTER, np.ones(3)), _TINTED * np.eye(3), -_TINTED * np.eye(3)])
+_SHARPNESS = 200.0
+"""Sharpness of the choice among them; ten times eq. 5, since the dense grid's distances are that much less noisy."""
+_BOUNDS = (0.35, 2.8)
+_TINT = 1.35
+"""Most by which a channel's gain may differ from the mean of all: beyond, it is another colour."""
+_JUMPS = (1.06, 0.94, 1.14, 0.87, 1.25, 0.8, 1.4, 0.7, 1.6, 0.6)
+"""Factors on the gain that are tried when the target is not seen."""
+_TRIED_AT_ONCE = 2
+
+
+class Light:
+    """Gain (3,), B, G, R, that undoes the light's change since the first picture.
+
+    Args:
+        memory_s: time constant with which it follows, s; 0 leaves it at 1.
+    """
+
+    def __init__(self, memory_s: float):
+        self.gain = np.ones(3)
+        self._memory_s = memory_s
+        self._jump = 0
+
+    def follow(
+        self, model: HistogramModel, frame: np.ndarray, state: np.ndarray, grid: KernelGrid, dt_s: float
+    ) -> None:
+        """Move the gain to where the distance of the target's state (4,) is smallest."""
+        self._jump = 0
+        if self._memory_s == 0.0:
+            return
+        distances = model.relit(frame, state, grid, self.gain * (1.0 + _STEPS))
+        weights = np.exp(-_SHARPNESS * (distances**2 - distances.min() ** 2))
+        step = weights @ _STEPS / weights.sum()
+        self.gain = _bounded(self.gain * (1.0 + min(1.0, dt_s / self._memory_s) * step))
+
+    def jumps(self) -> list[np.ndarray]:
+        """Gains to try on a picture in which the target is not seen; others each time, until it is."""
+        if self._memory_s == 0.0:
+            return []
+        chosen = [_JUMPS[(self._jump + i) % len(_JUMPS)] for i in range(_TRIED_AT_ONCE)]
+        self._jump += _TRIED_AT_ONCE
+        return [_bounded(self.gain * factor) for factor in chosen]
+
+
+def _bounded(gain: np.ndarray) -> np.ndarray:
+    mean = math.exp(float(np.log(gain).mean()))
+    return gain.clip(mean / _TINT, mean * _TINT).clip(*_BOUNDS)
