@@ -2,7 +2,8 @@
 
 Teulière 2011 leaves the adaptation to illumination to future work (section V). While the target is seen, small changes
 are followed, in brightness and in each channel by itself (a cloud also changes the colour). When it is not seen, the
-light may have jumped (a shadow, the camera's exposure): gains farther away are tried, a few in each picture.
+light may have jumped (a cloud, the camera's exposure). The jump of the whole picture's mean is then tried first, and
+gains farther away after it, a few in each picture.
 """
 
 from __future__ import annotations
@@ -23,9 +24,11 @@ _SHARPNESS = 200.0
 _BOUNDS = (0.35, 2.8)
 _TINT = 1.35
 """Most by which a channel's gain may differ from the mean of all: beyond, it is another colour."""
-_JUMPS = (1.06, 0.94, 1.14, 0.87, 1.25, 0.8, 1.4, 0.7, 1.6, 0.6)
+_JUMPS = (1.06, 0.94, 1.14, 0.87, 1.25, 0.8, 1.4, 0.7, 1.6, 0.6, 1.8, 0.55)
 """Factors on the gain that are tried when the target is not seen."""
 _TRIED_AT_ONCE = 2
+_EVERY_PX = 8
+"""Of the picture's pixels, so far apart, its mean colour is taken."""
 
 
 class Light:
@@ -39,6 +42,7 @@ class Light:
         self.gain = np.ones(3)
         self._memory_s = memory_s
         self._jump = 0
+        self._scene = np.ones(3)
 
     def follow(
         self, model: HistogramModel, frame: np.ndarray, state: np.ndarray, grid: KernelGrid, dt_s: float
@@ -47,18 +51,25 @@ class Light:
         self._jump = 0
         if self._memory_s == 0.0:
             return
+        self._scene = _mean_colour(frame)
         distances = model.relit(frame, state, grid, self.gain * (1.0 + _STEPS))
         weights = np.exp(-_SHARPNESS * (distances**2 - distances.min() ** 2))
         step = weights @ _STEPS / weights.sum()
         self.gain = _bounded(self.gain * (1.0 + min(1.0, dt_s / self._memory_s) * step))
 
-    def jumps(self) -> list[np.ndarray]:
+    def jumps(self, frame: np.ndarray) -> list[np.ndarray]:
         """Gains to try on a picture in which the target is not seen; others each time, until it is."""
         if self._memory_s == 0.0:
             return []
-        chosen = [_JUMPS[(self._jump + i) % len(_JUMPS)] for i in range(_TRIED_AT_ONCE)]
+        scene = self.gain * self._scene / _mean_colour(frame)
+        chosen = [self.gain * _JUMPS[(self._jump + i) % len(_JUMPS)] for i in range(_TRIED_AT_ONCE)]
         self._jump += _TRIED_AT_ONCE
-        return [_bounded(self.gain * factor) for factor in chosen]
+        return [_bounded(gain) for gain in (scene, *chosen)]
+
+
+def _mean_colour(frame: np.ndarray) -> np.ndarray:
+    """Mean (3,) of each channel over the picture, at least one grey level."""
+    return np.maximum(frame[::_EVERY_PX, ::_EVERY_PX].mean(axis=(0, 1)), 1.0)
 
 
 def _bounded(gain: np.ndarray) -> np.ndarray:

@@ -144,7 +144,7 @@ class ParticleFilterTracker:
         distances = model.distances(self._frame, self._states, self._grid, self._light.gain)
         if distances.min() <= self._limit:
             return distances
-        for gain in self._light.jumps():
+        for gain in self._light.jumps(self._frame):
             other = model.distances(self._frame, self._states, self._grid, gain)
             if other.min() <= self._limit:
                 self._light.gain = gain

@@ -26,7 +26,7 @@ class PursuitConfig(Section, frozen=True, kw_only=True):
     """Largest speed that is asked for, m/s."""
     acceleration_m_s2: Positive = 2.0
     """Largest change of the asked velocity, m/s²."""
-    acceleration_min_m_s2: Positive = 0.7
+    acceleration_min_m_s2: Positive = 1.3
     """Change of the asked velocity towards the target that is allowed even with it at the picture's edge, m/s²."""
     view_margin_rad: NonNegative = 0.14
     """Distance from the edge of the picture at which the target's centre is kept, rad: half a target and some."""
