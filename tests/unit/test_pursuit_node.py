@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+import pytest
 
-from common.config import Config
+from common.config import Config, ConfigError
 from common.geometry.config import CameraConfig
 from common.messages import Command, Image, Request, Track, VehicleState
 from common.node import Output, ScriptedRun
@@ -132,3 +133,41 @@ def test_bad_boxes_are_refused_with_the_reason() -> None:
     assert scripted.do("pursuit/do/select", Command(box_px=(900.0, 10.0, 50.0, 50.0))).startswith(
         "refused: select: box"
     )
+
+
+def test_picture_older_than_the_last_is_skipped_and_the_target_stays() -> None:
+    scripted = Scripted()
+    scripted.picture()
+    scripted.do("pursuit/do/select", Command(box_px=scripted.box))
+    for _ in range(3):
+        scripted.picture()
+    scripted.now_ns -= 150 * MS
+    assert scripted.picture() == {}
+    assert scripted.run.node.metrics()["late_pictures"] == 1
+    scripted.now_ns += 150 * MS
+    assert _track(scripted.picture()).state == "tracking"
+
+
+def test_box_on_a_picture_that_is_not_kept_is_refused() -> None:
+    scripted = Scripted()
+    scripted.picture()
+    command = Command(box_px=scripted.box, capture_ns=scripted.now_ns - 9_000 * MS)
+    assert "9.0 s from the newest one, which is not kept" in scripted.do("pursuit/do/select", command)
+    assert _track(scripted.picture()).state == "idle"
+
+
+def test_repeated_picture_says_so_and_is_coasted_through() -> None:
+    scripted = Scripted()
+    scripted.picture()
+    scripted.do("pursuit/do/select", Command(box_px=scripted.box))
+    scripted.picture()
+    frozen = _jpeg(next(scripted.frames)[1]).data
+    scripted.picture(frozen)
+    outputs = scripted.picture(frozen)
+    assert "repeats the one before" in _track(outputs).reason
+    assert "helm/request/pursuit" in outputs
+
+
+def test_unknown_tracker_is_refused_at_the_start() -> None:
+    with pytest.raises(ConfigError, match="did you mean 'particle_filter'"):
+        PursuitNode(Config({"pursuit": {"tracker": "particel_filter"}}, SECTIONS), "pursuit")
