@@ -20,6 +20,9 @@ from common.tracking.histogram import PSI, SCALE, HistogramModel, X, Y, kernel_g
 from common.tracking.light import Light
 from common.tracking.motion import ConstantVelocity, MotionNoise, wrap_angle
 
+_SEARCH_ANGLE_RAD = 0.6
+"""Spread of the searching particles' rotation when the search begins, rad; it grows in proportion to the time."""
+
 
 def likelihood_weights(distances: np.ndarray, sharpness: float) -> np.ndarray:
     """Weights proportional to exp(-lambda d^2) (eq. 5), summing to one; distances and weights are (N,)."""
@@ -131,7 +134,8 @@ class ParticleFilterTracker:
         x = min(max(expected.center_px[0], -self._size_px), columns + self._size_px)
         y = min(max(expected.center_px[1], -self._size_px), rows + self._size_px)
         coasting[:, : PSI + 1] += np.array([x, y, expected.angle_rad]) - mean[: PSI + 1]
-        self._rates[self._strewn :] = 0.0
+        # What is left of the rates is how far the target may have changed its own motion: the cloud widens with time.
+        self._rates[self._strewn :] -= self._rates[self._strewn :].mean(axis=0)
 
     @property
     def _strewn(self) -> int:
@@ -247,7 +251,9 @@ class ParticleFilterTracker:
         rows, columns = self._frame.shape[:2]
         self._states[:count, X] = self._rng.random(count) * columns
         self._states[:count, Y] = self._rng.random(count) * rows
-        self._states[:count, PSI] = angle_rad + 0.6 * self._rng.normal(size=count)
+        # The longer it was out of sight, the less its last heading says.
+        doubt_rad = _SEARCH_ANGLE_RAD * self._unseen_s / self._config.search_after_s
+        self._states[:count, PSI] = angle_rad + doubt_rad * self._rng.normal(size=count)
         self._rates[:count] = 0.0
 
     def _report(self, mean: np.ndarray, angle_std_rad: float, smallest: float) -> TrackResult:
