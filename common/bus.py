@@ -14,15 +14,14 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 import zenoh
 
 from common import topics
 from common.codec import UNDECODABLE, Rejected, decode, encode, schema_hash
-from common.header import Header, InputRef
+from common.header import Header, InputRef, Received
 from common.messages import Command, Message, MessageError, Reply
 from common.session import BusConfig, Side, open_client
 
@@ -30,20 +29,6 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T", bound=Message)
 _QUEUE_DEPTH = 256
-
-
-@dataclass(frozen=True)
-class Received(Generic[T]):
-    """A checked message with its header and the time of its arrival."""
-
-    message: T
-    header: Header
-    received_ns: int
-
-    def reference(self, topic: str) -> InputRef:
-        """Entry for the header of what is computed from this message."""
-        h = self.header
-        return InputRef(topic, h.seq, h.source, h.capture_ns, h.sent_ns, self.received_ns)
 
 
 def _survive(name: str, work: Callable[[], None]) -> None:
@@ -92,7 +77,8 @@ class Subscription:
                 self._count_rejection(refusal)
                 continue
             self._count_gap(header)
-            _survive(self.topic.name, lambda r=Received(message, header, received_ns): self._callback(r))
+            received = Received(message, header, received_ns)
+            _survive(self.topic.name, lambda r=received: self._callback(r))
 
     def _count_rejection(self, refusal: Rejected) -> None:
         # The first of each kind is worth a line; a flood of them is worth a number only.

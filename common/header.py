@@ -1,8 +1,15 @@
-"""The header that every message carries in its Zenoh attachment."""
+"""The header that every message carries in its Zenoh attachment, and a message as it arrived with it."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
 import msgspec
+
+from common.messages import Message
+
+T = TypeVar("T", bound=Message)
 
 
 class InputRef(msgspec.Struct, frozen=True, array_like=True):
@@ -39,3 +46,17 @@ class Header(msgspec.Struct, frozen=True, array_like=True):
     """When the data was true, in the vehicle's monotonic time, ns. For a request: the newest vehicle stamp used."""
     inputs: tuple[InputRef, ...] = ()
     """The messages that were consumed to compute this one."""
+
+
+@dataclass(frozen=True)
+class Received(Generic[T]):
+    """A checked message with its header and the time of its arrival."""
+
+    message: T
+    header: Header
+    received_ns: int
+
+    def reference(self, topic: str) -> InputRef:
+        """Entry for the header of what is computed from this message."""
+        h = self.header
+        return InputRef(topic, h.seq, h.source, h.capture_ns, h.sent_ns, self.received_ns)

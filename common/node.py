@@ -13,10 +13,9 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 from common import topics
-from common.bus import Received
 from common.codec import schema_hash
 from common.config import Config
-from common.header import Header, InputRef
+from common.header import Header, InputRef, Received
 from common.messages import Command, Message, Reply
 
 T = TypeVar("T", bound=Message)

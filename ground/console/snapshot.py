@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-from common.bus import Received
 from common.clock import ClockMap
 from common.geometry.camera import Camera
+from common.header import Received
 from common.messages import (
     CameraInfo,
     Health,

@@ -9,8 +9,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from common.geometry.rotation import quat_exp, quat_multiply, slerp
+from common.header import Received
 from common.messages import VehicleState
-from common.node import Received
 from ground.pursuit.control import Pose
 
 _FURTHEST_AHEAD_S = 0.3

@@ -15,7 +15,8 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
-from common.bus import Bus, Received
+from common.bus import Bus
+from common.header import Received
 from common.messages import Command, Health, HelmStatus, Reply, Track, Truth
 from simulation.demo.report import ChaseRecorder
 

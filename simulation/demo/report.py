@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from common.bus import Received
+from common.header import Received
 from common.messages import HelmStatus, Setpoint, Track, Truth
 
 REQUEST = "helm/request/pursuit"

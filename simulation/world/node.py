@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+import statistics
+import time
 from collections import deque
 from collections.abc import Iterable
 
@@ -45,6 +47,7 @@ class WorldNode(Node):
         self._stage = Stage(self._config, scenario, self._camera)
         self._last_instant_ns = self._last_step_ns = 0
         self._missed: deque[int] = deque(maxlen=_WINDOW)
+        self._picture_ms: deque[float] = deque(maxlen=_WINDOW)
         self._stale = 0
         self._truth = TruthPort(self._config)
         log.info(
@@ -63,7 +66,7 @@ class WorldNode(Node):
             return []
         capture_ns = motion.t_ns + int(self._camera.exposure_delay_ms * 1e6)
         outputs = [Output("truth", self._stage.place(motion), capture_ns)]
-        data = self._stage.picture(motion.t_ns) if self.has_reader("sim/camera/down") else None
+        data = self._picture(motion.t_ns) if self.has_reader("sim/camera/down") else None
         if data is not None:
             image = Image(
                 camera="down", width=self._camera.width, height=self._camera.height, encoding="bgr8", data=data
@@ -79,6 +82,7 @@ class WorldNode(Node):
             "late_fraction": missed / (steps + missed) if steps else 0.0,
             "stale": float(self._stale),
             "truth_rate_hz": self._truth.rate_hz,
+            "picture_ms_median": statistics.median(self._picture_ms) if self._picture_ms else 0.0,
             **self._stage.metrics(),
         }
 
@@ -86,6 +90,12 @@ class WorldNode(Node):
         """Close the truth port and the renderer."""
         self._truth.close()
         self._stage.close()
+
+    def _picture(self, t_ns: int) -> bytes | None:
+        started = time.perf_counter()
+        data = self._stage.picture(t_ns)
+        self._picture_ms.append((time.perf_counter() - started) * 1e3)
+        return data
 
     def _note_lateness(self, t_ns: int) -> None:
         """Count the frames that fell out since the step before."""

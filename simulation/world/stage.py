@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import statistics
-import time
-from collections import deque
-
 import numpy as np
 
 from common.geometry.camera import Camera
@@ -48,7 +44,6 @@ class Stage:
         self._last_picture: bytes | None = None
         self._first_ns: int | None = None
         self._car_start_ns: int | None = None
-        self._render_ms: deque[float] = deque(maxlen=200)
         self._lost = self._frozen = self._broken = 0
 
     def place(self, motion: Motion) -> Truth:
@@ -77,7 +72,6 @@ class Stage:
         if fate.frozen and self._last_picture is not None:
             self._frozen += 1
             return self._last_picture
-        started = time.perf_counter()
         frame = self._renderer.render(*self._eye)
         world_s = (t_ns - (self._first_ns or t_ns)) / 1e9
         exposure = exposure_gain(self._scenario.sensor, self._scenario.seed, world_s)
@@ -89,17 +83,11 @@ class Stage:
             self._broken += 1
             frame = break_blocks(frame, self._scenario.radio, self._rng)
         self._last_picture = frame.tobytes()
-        self._render_ms.append((time.perf_counter() - started) * 1e3)
         return self._last_picture
 
     def metrics(self) -> dict[str, float]:
-        """Time to render, and what the radio did."""
-        return {
-            "render_ms_median": statistics.median(self._render_ms) if self._render_ms else 0.0,
-            "lost": float(self._lost),
-            "frozen": float(self._frozen),
-            "broken": float(self._broken),
-        }
+        """What the radio did."""
+        return {"lost": float(self._lost), "frozen": float(self._frozen), "broken": float(self._broken)}
 
     def close(self) -> None:
         """Free the renderer."""

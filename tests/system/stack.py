@@ -15,7 +15,8 @@ from typing import Any
 
 import psutil
 
-from common.bus import Bus, Received
+from common.bus import Bus
+from common.header import Received
 from common.messages import Command, HelmStatus, Reply, Setpoint, Track, Truth
 from common.processes import load_config
 from common.session import BusConfig, Side

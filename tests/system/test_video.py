@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from common.bus import Received
+from common.header import Received
 from common.messages import Command, Track
 from tests.conftest import sample_video
 from tests.replay.test_vtest_person import BOXES

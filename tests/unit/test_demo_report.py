@@ -7,9 +7,8 @@ from typing import Any
 
 import pytest
 
-from common.bus import Received
 from common.codec import schema_hash
-from common.header import Header, InputRef
+from common.header import Header, InputRef, Received
 from common.messages import HelmStatus, Message, Setpoint, Track, Truth
 from simulation.demo.mission import box_of_corners
 from simulation.demo.report import REQUEST, ChaseRecorder, Criteria

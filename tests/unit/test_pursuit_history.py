@@ -7,9 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from common.bus import Received
 from common.geometry.rotation import as_quat, euler_from_quat, quat_from_euler
-from common.header import Header
+from common.header import Header, Received
 from common.messages import VehicleState
 from ground.pursuit.history import StateHistory
 

@@ -133,7 +133,7 @@ def test_pictures_and_truth_come_with_the_instant_of_rendering_as_their_stamp(wo
     assert isinstance(truth.message, Truth)
     assert truth.message.ned_p_m[2] == pytest.approx(-5.0, abs=0.05)
     metrics = world.node.metrics()
-    assert metrics["stale"] == 1 and 1.0 < metrics["render_ms_median"] < 200.0
+    assert metrics["stale"] == 1 and 1.0 < metrics["picture_ms_median"] < 200.0
 
 
 def test_truth_corners_are_where_the_car_is_in_the_picture(world: World) -> None:
@@ -181,7 +181,7 @@ def test_nobody_reads_nothing_is_rendered(world: World) -> None:
     world.node.has_reader = lambda topic: topic == "truth"
     steps = world.fly(3, 5.0)
     assert not pictures(steps) and len(truths(steps)) == 3
-    assert world.node.metrics()["render_ms_median"] == 0.0
+    assert world.node.metrics()["picture_ms_median"] == 0.0
 
 
 @pytest.mark.slow
