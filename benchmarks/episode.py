@@ -20,6 +20,7 @@ import numpy as np
 from common.config import Config
 from common.geometry.config import CamerasConfig
 from common.messages import Request, Truth
+from common.tracking.base import Tracker
 from common.tracking.registry import make_tracker
 from ground.pursuit.config import PursuitConfig
 from ground.pursuit.control import Pose
@@ -77,6 +78,7 @@ class Episode:
         self._vehicle = SimulatedVehicle(autopilot)
         section = msgspec.structs.replace(config.section(PursuitConfig), seed=seed)
         rng = np.random.default_rng(seed)
+        self._pursuit = section
         self._pursuer = Pursuer(section, lambda: make_tracker(section.tracker, config, rng))
         self._helm = config.section(HelmConfig)
         self._pilot = Pilot(self._helm, config.section(LimiterConfig))
@@ -84,6 +86,10 @@ class Episode:
         self._period_ns = round(1e9 / self._camera.rate_hz)
         self._request: Candidate | None = None
         self._height_m = height_m
+
+    def use(self, tracker: Callable[[], Tracker]) -> None:
+        """Chase with another tracker than the configured one."""
+        self._pursuer = Pursuer(self._pursuit, tracker)
 
     def fly(self, duration_s: float, progress: Callable[[float], None] = lambda share: None) -> ChaseRecorder:
         """Take off, choose the car, chase it for a time; what `outrider demo` would report.

@@ -6,11 +6,11 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks import latency
+from benchmarks import chase, latency
 from benchmarks.base import Benchmark, Outcome, Settings, as_json
 from common.config import ConfigError, unknown_key_text
 
-BENCHMARKS: dict[str, Benchmark] = {b.name: b for b in (latency.BENCHMARK,)}
+BENCHMARKS: dict[str, Benchmark] = {b.name: b for b in (latency.BENCHMARK, chase.BENCHMARK)}
 _RESULTS = Path("benchmarks/results")
 
 

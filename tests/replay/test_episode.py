@@ -1,0 +1,50 @@
+"""The chase in one process: it holds, it is the same for a seed, and another tracker can fly it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.camshift import CamShiftTracker
+from benchmarks.chase import drawn
+from benchmarks.episode import Episode
+from common.processes import load_config
+from simulation.world.scenario import load_scenario
+
+CHASE_S = 12.0
+
+
+def _flown(seed: int, tracker: type[CamShiftTracker] | None = None) -> Episode:
+    episode = Episode(load_config("kite", ()), drawn(load_scenario("chase"), seed), seed)
+    if tracker is not None:
+        episode.use(tracker)
+    episode.fly(CHASE_S)
+    return episode
+
+
+@pytest.fixture(scope="module")
+def flown() -> Episode:
+    return _flown(3)
+
+
+def test_the_chase_holds(flown: Episode) -> None:
+    assert flown.trace.column("error_m")[-100:].max() < 1.0, "it flies to the car and stays above it"
+    assert flown.recorder.summary()["lost_s"] < 1.0
+    assert flown.trace.column("target_m_s").max() > 0.5, "the car has to drive"
+    assert flown.trace.column("seen")[5:].mean() > 0.9
+    assert np.nanmedian(flown.trace.column("off_m")) < 0.15
+
+
+def test_a_seed_is_one_flight(flown: Episode) -> None:
+    again = _flown(3)
+
+    np.testing.assert_array_equal(again.trace.column("error_m"), flown.trace.column("error_m"))
+    assert again.recorder.summary() == pytest.approx(flown.recorder.summary(), nan_ok=True)
+
+
+def test_another_tracker_flies_the_same_road(flown: Episode) -> None:
+    plain = _flown(3, CamShiftTracker)
+
+    np.testing.assert_array_equal(plain.trace.column("target_m_s"), flown.trace.column("target_m_s"))
+    assert not np.array_equal(plain.trace.column("error_m"), flown.trace.column("error_m"))
+    assert plain.trace.column("seen").mean() > 0.5
