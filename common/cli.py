@@ -92,8 +92,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_do(sub)
     _add_topics(sub)
     _add_demo(sub)
-    bench = sub.add_parser("bench", help="Run a benchmark", add_help=False)
-    bench.add_argument("arguments", nargs=argparse.REMAINDER)
+    sub.add_parser("bench", help="Run a benchmark", add_help=False)  # reads its arguments itself, -h among them
     return parser
 
 
@@ -213,7 +212,12 @@ _ACTIONS = {
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code (0 done, 1 failed, 2 not usable as given, 3 already running)."""
-    args = _parser().parse_args(argv)
+    parser = _parser()
+    args, rest = parser.parse_known_args(argv)
+    if args.action == "bench":
+        args.arguments = rest
+    elif rest:
+        parser.error(f"unrecognized arguments: {' '.join(rest)}")
     set_up_logging(getattr(args, "name", None) or args.action, getattr(args, "verbose", False))
     try:
         return _ACTIONS[args.action](args)
