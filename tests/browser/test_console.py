@@ -110,6 +110,7 @@ def test_a_slow_takeoff_does_not_delay_hold(view: View, vehicle: ScriptedVehicle
     view.wait_text("waiting for the reply")
     view.button("Hold")
     view.wait_text("Hold: done", timeout_ms=4000)
+    assert "Take off: done" not in view.text()
     view.wait_text("Take off: done")
 
 
@@ -180,6 +181,7 @@ def test_silent_helm_is_an_alarm_and_its_old_words_go(view: View, vehicle: Scrip
     vehicle.script.status = False
     view.wait_text("No word from helm for")
     wait_for(lambda: "hovering at the anchor" not in view.text(), what="the old reason gone")
+    assert "No word from helm for" in view.text()
 
 
 def test_three_d_view_and_back(view: View, vehicle: ScriptedVehicle) -> None:

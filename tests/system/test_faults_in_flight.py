@@ -92,7 +92,12 @@ def test_processes_die_in_flight(make_flight: MakeFlight) -> None:
     # Malformed messages on the bus: refused, counted, without effect.
     _send_rubbish(flight)
 
-    # Helm dies: the autopilot holds by itself; the new helm looks, says what it found, and waits to be told.
+    _helm_dies(flight)
+
+
+def _helm_dies(flight: Flight) -> None:
+    """The autopilot holds by itself; the new helm looks, says what it found, and waits to be told."""
+    stack = flight.stack
     t_ns = time.monotonic_ns()
     pid = stack.kill("helm")
     flight.wait("standstill after helm's death", lambda: flight.speed_m_s < 0.4, 8)

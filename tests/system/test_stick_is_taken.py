@@ -45,6 +45,19 @@ def _stays_yielded(flight: Flight, seconds: float) -> None:
     assert flight.height_m > 3.0
 
 
+def _second_helm_is_refused(flight: Flight) -> None:
+    """A second helm for the same vehicle does not start, and the first keeps the stick."""
+    second = subprocess.run(
+        [sys.executable, "-m", "common.cli", "node", "helm", *flight.stack.arguments()],
+        capture_output=True,
+        text=True,
+        timeout=30,
+    )
+    assert second.returncode == 3, second.stderr
+    assert "one helm commands a vehicle" in second.stderr
+    assert flight.state == "hold"
+
+
 def test_stick_changes_hands(make_flight: MakeFlight) -> None:
     path = os.pathsep.join(filter(None, [str(FREEZER), os.environ.get("PYTHONPATH", "")]))
     flight = make_flight(
@@ -79,16 +92,7 @@ def test_stick_changes_hands(make_flight: MakeFlight) -> None:
     flight.must("helm/do/engage")
     flight.wait("hold", lambda: flight.state == "hold", 5)
 
-    # A second helm for the same vehicle is refused, and the first keeps the stick.
-    second = subprocess.run(
-        [sys.executable, "-m", "common.cli", "node", "helm", *flight.stack.arguments()],
-        capture_output=True,
-        text=True,
-        timeout=30,
-    )
-    assert second.returncode == 3, second.stderr
-    assert "one helm commands a vehicle" in second.stderr
-    assert flight.state == "hold"
+    _second_helm_is_refused(flight)
 
     # The ground link is cut for a second: hover, then the chase goes on by itself.
     vehicle_bus = flight.stack.bus("onboard", "test-onboard")
