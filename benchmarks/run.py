@@ -6,11 +6,11 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks import chase, latency
+from benchmarks import chase, latency, pursuit_speed
 from benchmarks.base import Benchmark, Outcome, Settings, as_json
 from common.config import ConfigError, unknown_key_text
 
-BENCHMARKS: dict[str, Benchmark] = {b.name: b for b in (latency.BENCHMARK, chase.BENCHMARK)}
+BENCHMARKS: dict[str, Benchmark] = {b.name: b for b in (latency.BENCHMARK, chase.BENCHMARK, pursuit_speed.BENCHMARK)}
 _RESULTS = Path("benchmarks/results")
 
 

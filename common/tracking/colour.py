@@ -21,6 +21,7 @@ BINS_PER_CHANNEL = 8
 BINS = BINS_PER_CHANNEL**3
 """Bins of the colour space (Teulière 2011, section IV)."""
 BIN_WIDTH = 256 // BINS_PER_CHANNEL
+_PLACE_VALUES = np.array([[BINS_PER_CHANNEL**2], [BINS_PER_CHANNEL], [1]], np.uint16)
 _OFFSET_STEP = 8
 _LIGHT_CHANGE = 0.04
 """Change of light that a good placement survives: 8 grey levels of 200, twice the noise of a small camera."""
@@ -33,6 +34,20 @@ class ColourBins:
     offsets: tuple[int, int, int] = (0, 0, 0)
     """Shift of the bounds of each channel (B, G, R) towards dark, grey levels, 0 to 31."""
 
+    def table(self, gain: float | np.ndarray = 1.0) -> np.ndarray:
+        """What each value of each channel adds to a bin's number.
+
+        Args:
+            gain: factor on the values before they are binned; one, or (..., 3) for B, G, R.
+
+        Returns:
+            (3, 256) uint16, or (..., 3, 256) for several gains at once.
+        """
+        gains = np.asarray(gain, float)
+        gains = np.broadcast_to(gains, (3,)) if gains.ndim == 0 else gains
+        values = np.minimum(np.arange(256) * gains[..., None], 255.0) + np.array(self.offsets)[:, None]
+        return np.minimum(values / BIN_WIDTH, BINS_PER_CHANNEL - 1).astype(np.uint16) * _PLACE_VALUES
+
     def of(self, pixels: np.ndarray, gain: float | np.ndarray = 1.0) -> np.ndarray:
         """Bin of each pixel.
 
@@ -41,16 +56,9 @@ class ColourBins:
             gain: factor on the values before they are binned; one, or (3,) for B, G, R.
 
         Returns:
-            (H, W) int16, 0 to 511.
+            (H, W) uint16, 0 to 511.
         """
-        values = np.minimum(np.arange(256)[:, None] * np.broadcast_to(gain, 3), 255.0) + self.offsets
-        table = np.minimum(values / BIN_WIDTH, BINS_PER_CHANNEL - 1).astype(np.uint8)
-        parts = cv2.LUT(pixels, table[None])
-        bins = parts[..., 0].astype(np.int16)
-        for channel in (1, 2):
-            bins *= BINS_PER_CHANNEL
-            bins += parts[..., channel]
-        return bins
+        return binned(pixels, self.table(gain))
 
     def histogram(
         self, pixels: np.ndarray, weights: np.ndarray | None = None, gain: float | np.ndarray = 1.0
@@ -58,6 +66,12 @@ class ColourBins:
         """Normalised histogram (512,) of pixels (N, 3), with weights (N,) or all alike."""
         counts = np.bincount(self.of(pixels[None], gain)[0], weights, BINS).astype(float)
         return counts / counts.sum()
+
+
+def binned(pixels: np.ndarray, table: np.ndarray) -> np.ndarray:
+    """Bin (H, W) uint16 of each pixel (H, W, 3) under a table (3, 256) of `ColourBins.table`."""
+    parts = cv2.LUT(pixels, np.ascontiguousarray(table.T)[None])
+    return parts[..., 0] + parts[..., 1] + parts[..., 2]
 
 
 def bhattacharyya_coefficient(reference: np.ndarray, candidate: np.ndarray) -> np.ndarray:

@@ -22,8 +22,11 @@ class ParticleFilterConfig(Section, frozen=True, kw_only=True):
     """Number of particles (Teulière 2011, section IV)."""
     kernels: Literal["whole", "halves", "quarters", "five", "nine"] = "five"
     """Layout of the kernels in the rectangle."""
-    grid: Annotated[int, msgspec.Meta(ge=3, le=64)] = 10
-    """Sampling points along each axis of a kernel's bounding rectangle."""
+    backend: Literal["compiled", "numpy"] = "compiled"
+    """Which form takes the histograms: the compiled one, or the NumPy reference, which is twenty times slower."""
+    kernel_pixels: Positive = 2000.0
+    """Pixels of one kernel from which it is read on a lattice of every second, third, ... pixel; for a target of
+    96 x 48 px it has 1,300."""
     likelihood_lambda: Positive = 20.0
     """Sharpness of the likelihood exp(-lambda d^2) (Teulière 2011, eq. 5)."""
     size_prior: Positive = 0.2

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from common.tracking.histogram import HistogramModel, KernelGrid
+from common.tracking.histogram import HistogramModel
 
 _BRIGHTER = np.linspace(-0.06, 0.06, 5)
 """Relative changes of brightness that are tried on each picture: twice the steepest one seen at 20 Hz."""
@@ -20,14 +20,14 @@ _TINTED = 0.04
 """Relative change of one channel that is tried."""
 _STEPS = np.concatenate([np.outer(_BRIGHTER, np.ones(3)), _TINTED * np.eye(3), -_TINTED * np.eye(3)])
 _SHARPNESS = 200.0
-"""Sharpness of the choice among them; ten times eq. 5, since the dense grid's distances are that much less noisy."""
+"""Sharpness of the choice among them; ten times eq. 5, since these distances differ by the light alone."""
 _BOUNDS = (0.35, 2.8)
 _TINT = 1.35
 """Most by which a channel's gain may differ from the mean of all: beyond, it is another colour."""
 _JUMPS = (1.06, 0.94, 1.14, 0.87, 1.25, 0.8, 1.4, 0.7, 1.6, 0.6, 1.8, 0.55)
 """Factors on the gain that are tried when the target is not seen."""
 _TRIED_AT_ONCE = 2
-_EVERY_PX = 8
+_EVERY_PX = 16
 """Of the picture's pixels, so far apart, its mean colour is taken."""
 
 
@@ -44,15 +44,13 @@ class Light:
         self._jump = 0
         self._scene = np.ones(3)
 
-    def follow(
-        self, model: HistogramModel, frame: np.ndarray, state: np.ndarray, grid: KernelGrid, dt_s: float
-    ) -> None:
+    def follow(self, model: HistogramModel, frame: np.ndarray, state: np.ndarray, stride: int, dt_s: float) -> None:
         """Move the gain to where the distance of the target's state (4,) is smallest."""
         self._jump = 0
         if self._memory_s == 0.0:
             return
         self._scene = _mean_colour(frame)
-        distances = model.relit(frame, state, grid, self.gain * (1.0 + _STEPS))
+        distances = model.relit(frame, state, self.gain * (1.0 + _STEPS), stride)
         weights = np.exp(-_SHARPNESS * (distances**2 - distances.min() ** 2))
         step = weights @ _STEPS / weights.sum()
         self.gain = _bounded(self.gain * (1.0 + min(1.0, dt_s / self._memory_s) * step))

@@ -1,10 +1,9 @@
 """Teulière's colour tracker: a CONDENSATION filter over multi-kernel colour histograms (Teulière 2011, section II).
 
 What it adds to the paper, each for a reason given where it stands: bins placed for the target and a gain for the light
-(`common.tracking.colour`), a sampling grid instead of every pixel (`common.tracking.histogram`), one filtered velocity
-for all particles (`common.tracking.motion`), a weak prior on the size, a limit that follows the smallest distance
-slowly, and a search over the picture when the target stays away. Stamps are used as they are: the time between two
-pictures is never assumed.
+(`common.tracking.colour`), one filtered velocity for all particles (`common.tracking.motion`), a weak prior on the
+size, a limit that follows the smallest distance slowly, and a search over the picture when the target stays away.
+Stamps are used as they are: the time between two pictures is never assumed.
 """
 
 from __future__ import annotations
@@ -16,38 +15,13 @@ import numpy as np
 
 from common.tracking.base import Box, Expectation, TrackResult, TrackState, check_box, check_frame
 from common.tracking.config import ParticleFilterConfig
-from common.tracking.histogram import PSI, SCALE, HistogramModel, X, Y, kernel_grid, learn_model
+from common.tracking.histogram import LAYOUTS, PSI, SCALE, HistogramModel, X, Y, learn_model
 from common.tracking.light import Light
 from common.tracking.motion import ConstantVelocity, MotionNoise, wrap_angle
+from common.tracking.particles import expected_state, likelihood_weights, systematic_resample
 
 _SEARCH_ANGLE_RAD = 0.6
 """Spread of the searching particles' rotation when the search begins, rad; it grows in proportion to the time."""
-
-
-def likelihood_weights(distances: np.ndarray, sharpness: float) -> np.ndarray:
-    """Weights proportional to exp(-lambda d^2) (eq. 5), summing to one; distances and weights are (N,)."""
-    # The smallest distance is taken out first: the weights are the same, and none underflows to 0 / 0.
-    weights = np.exp(-sharpness * (distances**2 - np.min(distances) ** 2))
-    return weights / weights.sum()
-
-
-def systematic_resample(weights: np.ndarray, start: float) -> np.ndarray:
-    """Indices (N,) of the drawn particles: each is drawn N times its weight, up to one more or less.
-
-    Args:
-        weights: (N,), summing to one.
-        start: uniform random number in [0, 1) that places the comb.
-    """
-    comb = (np.arange(len(weights)) + start) / len(weights)
-    return np.minimum(np.searchsorted(np.cumsum(weights), comb, side="right"), len(weights) - 1)
-
-
-def expected_state(states: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, float]:
-    """Weighted mean (4,) of states (N, 4), circular in psi, and the circular standard deviation of psi, rad."""
-    mean = weights @ states
-    turn = complex(weights @ np.exp(1j * states[:, PSI]))
-    mean[PSI] = math.atan2(turn.imag, turn.real)
-    return mean, math.sqrt(max(0.0, -2.0 * math.log(max(abs(turn), 1e-9))))
 
 
 class ParticleFilterTracker:
@@ -63,8 +37,6 @@ class ParticleFilterTracker:
     def __init__(self, config: ParticleFilterConfig, rng: np.random.Generator):
         self._config = config
         self._rng = rng
-        self._grid = kernel_grid(config.kernels, config.grid)
-        self._dense = kernel_grid(config.kernels, 3 * config.grid)
         self._model: HistogramModel | None = None
 
     def init(self, frame: np.ndarray, box: Box, angle_rad: float = 0.0, t_ns: int | None = None) -> None:
@@ -76,7 +48,8 @@ class ParticleFilterTracker:
         self._size_px = self._usual_size_px = size = math.sqrt(width * height)
         self._unit = np.array([size, size, 1.0, 1.0 / size])  # what a relative noise of one is, in the state's units
         state = np.array([x + width / 2, y + height / 2, wrap_angle(angle_rad), 1.0 / size])
-        self._model = learn_model(frame, state, height / width, self._dense)
+        self._model = learn_model(frame, state, height / width, LAYOUTS[config.kernels], config.backend)
+        self._stride = self._model.kernels.stride(state, config.kernel_pixels)
         spread = np.array([config.start_position, config.start_position, config.start_angle, 0.02]) * self._unit
         self._states = state + self._rng.normal(size=(config.particles, 4)) * spread
         self._rates = np.zeros_like(self._states)
@@ -96,7 +69,7 @@ class ParticleFilterTracker:
         check_frame(frame, self._frame.shape)
         if self._t_ns is not None and t_ns < self._t_ns:
             raise ValueError(f"t_ns: got {t_ns}, expected at least the previous picture's {self._t_ns}")
-        if np.array_equal(frame, self._frame):
+        if np.array_equal(frame[::16], self._frame[::16]) and np.array_equal(frame, self._frame):
             # A frozen camera tells nothing; weighing it would stop the velocity. The time is kept for the next picture.
             return replace(self._result, repeated=True)
         dt_s = 0.0 if self._t_ns is None else (t_ns - self._t_ns) * 1e-9
@@ -145,11 +118,11 @@ class ParticleFilterTracker:
 
     def _distances(self, model: HistogramModel) -> np.ndarray:
         """Distances (N,) under the light in force, or under another that finds the target when that one does not."""
-        distances = model.distances(self._frame, self._states, self._grid, self._light.gain)
+        distances = model.distances(self._frame, self._states, self._light.gain, self._stride)
         if distances.min() <= self._limit:
             return distances
         for gain in self._light.jumps(self._frame):
-            other = model.distances(self._frame, self._states, self._grid, gain)
+            other = model.distances(self._frame, self._states, gain, self._stride)
             if other.min() <= self._limit:
                 self._light.gain = gain
                 return other
@@ -225,7 +198,8 @@ class ParticleFilterTracker:
         self._unseen_s = 0.0
         self._healthy_distance += (1 - math.exp(-dt_s / config.limit_memory_s)) * (smallest - self._healthy_distance)
         if self._model is not None:
-            self._light.follow(self._model, self._frame, mean, self._dense, dt_s)
+            self._stride = self._model.kernels.stride(mean, config.kernel_pixels)
+            self._light.follow(self._model, self._frame, mean, 2 * self._stride, dt_s)
         self._states = self._states[systematic_resample(weights, self._rng.random())]
         self._rates = np.tile(self._motion.rate, (len(self._states), 1))
         return mean, angle_std

@@ -6,12 +6,12 @@ import cv2
 import numpy as np
 import pytest
 
+from benchmarks.painted_scene import Scene, straight
 from common.config import Config, ConfigError
 from common.geometry.config import CameraConfig
 from common.messages import Command, Image, Request, Track, VehicleState
 from common.node import Output, ScriptedRun
 from ground.pursuit.node import PursuitNode
-from tests.unit.tracking_scene import Scene, straight
 
 SECTIONS = {
     "pursuit": "ground.pursuit.config:PursuitConfig",

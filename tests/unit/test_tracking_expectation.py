@@ -7,10 +7,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from benchmarks.painted_scene import Pose, Scene
 from common.tracking.base import Expectation
 from common.tracking.config import ParticleFilterConfig
 from common.tracking.particle_filter import ParticleFilterTracker
-from tests.unit.tracking_scene import Pose, Scene
 
 
 def _jolt(t_s: float) -> Pose:

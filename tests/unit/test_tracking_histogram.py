@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
+from benchmarks.painted_scene import Pose, Scene, straight
 from common.tracking.colour import ColourBins, bhattacharyya_coefficient, bhattacharyya_distance
-from common.tracking.histogram import LAYOUTS, kernel_grid, learn_model
-from tests.unit.tracking_scene import Pose, Scene, straight
+from common.tracking.histogram import LAYOUTS, Backend, learn_model, state_histograms
 
 
 def test_equal_histograms_have_distance_zero() -> None:
@@ -33,33 +33,87 @@ def _first() -> tuple[np.ndarray, Pose]:
     return frame, pose
 
 
-@pytest.mark.parametrize("layout", ["whole", "halves", "quarters", "five", "nine"])
+def _state(pose: Pose) -> np.ndarray:
+    return np.array([pose.x_px, pose.y_px, pose.angle_rad, 1.0 / (math.sqrt(96 * 48) * pose.scale)])
+
+
+def _scattered(pose: Pose) -> np.ndarray:
+    """States on the target, around it, across the edge, outside the picture, and of less than a pixel; (131, 4)."""
+    state, rng = _state(pose), np.random.default_rng(0)
+    near = state + rng.normal(size=(80, 4)) * [30.0, 30.0, 3.0, 0.2 * state[3]]
+    far = state + rng.normal(size=(50, 4)) * [400.0, 300.0, 3.0, 0.0]
+    states = np.concatenate([near, far, state[None] * [1, 1, 1, 200]])
+    states[:, 3] = np.maximum(states[:, 3], 0.3 * state[3])
+    return states
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
 def test_target_itself_is_nearest(layout: str) -> None:
     frame, pose = _first()
-    state = np.array([pose.x_px, pose.y_px, 0.0, 1.0 / np.sqrt(96 * 48)])
-    model = learn_model(frame, state, 0.5, kernel_grid(layout, 40))
+    state = _state(pose)
+    model = learn_model(frame, state, 0.5, LAYOUTS[layout])
     others = state + np.array([[0, 0, 0, 0], [30, 0, 0, 0], [0, 25, 0, 0], [0, 0, 0.8, 0], [150, 60, 0, 0]])
-    distances = model.distances(frame, others, kernel_grid(layout, 10))
+    distances = model.distances(frame, others)
     assert np.argmin(distances) == 0
-    assert distances[0] < 0.3
+    assert distances[0] == pytest.approx(0.0, abs=1e-6)
     assert distances[4] > 0.7
 
 
-def test_sampling_grid_agrees_with_every_pixel() -> None:
+def test_flat_patch_fills_one_bin() -> None:
+    frame = np.full((100, 200, 3), (10, 100, 200), np.uint8)
+    bins = ColourBins()
+    histograms = state_histograms(bins.of(frame), np.array([100.0, 50.0, 0.3, 1 / 40.0]), 0.5, LAYOUTS["five"])
+    assert histograms[:, 0 * 64 + 3 * 8 + 6].tolist() == pytest.approx([1.0] * 5)
+    assert histograms.sum() == pytest.approx(5.0)
+
+
+def test_kernel_half_outside_the_picture_has_half_the_mass() -> None:
+    frame = np.full((100, 200, 3), 90, np.uint8)
+    state = np.array([-0.5, 50.0, 0.0, 1 / 40.0])  # the edge of the picture lies half a pixel left of its first column
+    histograms = state_histograms(ColourBins().of(frame), state, 0.5, LAYOUTS["whole"])
+    assert histograms.sum() == pytest.approx(0.5, abs=0.01)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize("stride", [1, 2, 3])
+def test_compiled_sums_are_those_of_the_reference(layout: str, stride: int) -> None:
     frame, pose = _first()
-    state = np.array([pose.x_px, pose.y_px, 0.0, 1.0 / np.sqrt(96 * 48)])
-    model = learn_model(frame, state, 0.5, kernel_grid("five", 48))
-    rng = np.random.default_rng(0)
-    states = state + rng.normal(size=(60, 4)) * [12.0, 12.0, 0.2, 0.0005]
-    coarse = model.distances(frame, states, kernel_grid("five", 10))
-    dense = model.distances(frame, states, kernel_grid("five", 60))
-    assert np.corrcoef(coarse, dense)[0, 1] > 0.97
-    assert np.sqrt(np.mean((coarse - dense) ** 2)) < 0.08
+    compiled, plain = (
+        learn_model(frame, _state(pose), 0.5, LAYOUTS[layout], "compiled"),
+        learn_model(frame, _state(pose), 0.5, LAYOUTS[layout], "numpy"),
+    )
+    states = _scattered(pose)
+    gain = np.array([1.1, 0.9, 1.0])
+    expected = plain.distances(frame, states, gain, stride)
+    assert compiled.distances(frame, states, gain, stride) == pytest.approx(expected, abs=1e-9)
+    assert expected.min() < 0.7 < expected.max()
+
+
+def test_a_view_of_a_larger_picture_is_read_as_it_is() -> None:
+    frame, pose = _first()
+    model = learn_model(frame, _state(pose), 0.5, LAYOUTS["five"])
+    wide = np.concatenate([frame, frame], axis=1)[:, : frame.shape[1]]
+    assert not wide.flags.c_contiguous
+    states = _scattered(pose)
+    assert model.distances(wide, states).tolist() == model.distances(frame, states).tolist()
+
+
+def test_large_target_is_read_on_a_lattice_that_says_the_same() -> None:
+    scene = Scene(lambda t_s: Pose(320.0, 240.0, 0.3, 4.0), seed=3)
+    _, frame, pose = next(iter(scene.frames(0.1)))
+    state = _state(pose)
+    kernels = LAYOUTS["five"]
+    assert kernels.stride(_state(Pose(0, 0)), 2000.0) == 1
+    assert kernels.stride(state, 2000.0) == 3
+    model = learn_model(frame, state, 0.5, kernels)
+    states = state + np.random.default_rng(0).normal(size=(60, 4)) * [30.0, 30.0, 0.15, 0.03 * state[3]]
+    difference = model.distances(frame, states, stride=3) - model.distances(frame, states)
+    assert np.sqrt(np.mean(difference**2)) < 0.01
 
 
 def _by_every_pixel(frame: np.ndarray, state: np.ndarray, aspect: float, bins: ColourBins) -> np.ndarray:
     """Equation 1 as it is written: every pixel of the picture, its kernel value, its bin; layout `five`."""
-    centers, half_axes = LAYOUTS["five"]
+    centers, half_axes = LAYOUTS["five"].centers, LAYOUTS["five"].half_axes
     width = 1.0 / (state[3] * math.sqrt(aspect))
     height = width * aspect
     of_pixel = bins.of(frame)
@@ -78,34 +132,31 @@ def _by_every_pixel(frame: np.ndarray, state: np.ndarray, aspect: float, bins: C
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("backend", ["compiled", "numpy"])
 @pytest.mark.parametrize("angle_rad", [0.0, 0.5])
-def test_distances_are_those_of_equations_1_to_4(angle_rad: float) -> None:
+def test_distances_are_those_of_equations_1_to_4(angle_rad: float, backend: Backend) -> None:
     frame, pose = _first()
-    scale = 1.0 / math.sqrt(96 * 48)
-    model = learn_model(frame, np.array([pose.x_px, pose.y_px, 0.0, scale]), 0.5, kernel_grid("five", 60))
-    state = np.array([pose.x_px + 9.0, pose.y_px - 6.0, angle_rad, scale])
+    model = learn_model(frame, _state(pose), 0.5, LAYOUTS["five"], backend)
+    state = _state(pose) + np.array([9.0, -6.0, angle_rad, 0.0])
     plain = _by_every_pixel(frame, state, 0.5, model.bins)
     rho = np.sqrt(plain * model.reference).sum(axis=1)  # eq. 2
     expected = np.sqrt(1.0 - rho).mean()  # eqs 3 and 4
-    assert model.distances(frame, state[None], kernel_grid("five", 60))[0] == pytest.approx(expected, abs=0.02)
+    assert model.distances(frame, state[None])[0] == pytest.approx(expected, abs=1e-9)
 
 
-def test_points_looked_up_singly_give_what_the_window_gives(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("backend", ["compiled", "numpy"])
+def test_many_gains_at_once_are_each_one_by_itself(backend: Backend) -> None:
     frame, pose = _first()
-    state = np.array([pose.x_px, pose.y_px, 0.0, 1.0 / np.sqrt(96 * 48)])
-    model, grid = learn_model(frame, state, 0.5, kernel_grid("five", 30)), kernel_grid("five", 10)
-    states = state + np.random.default_rng(0).normal(size=(40, 4)) * [400.0, 300.0, 2.0, 0.001]
-    found = []
-    for bound in (0.0, 1e9):
-        monkeypatch.setattr("common.tracking.histogram._GATHER_FROM", bound)
-        found.append(model.distances(frame, states, grid, np.array([1.1, 0.9, 1.0])))
-    assert found[0].tolist() == found[1].tolist()
-
-
-def test_many_gains_at_once_are_each_one_by_itself() -> None:
-    frame, pose = _first()
-    state = np.array([pose.x_px, pose.y_px, 0.3, 1.0 / np.sqrt(96 * 48)])
-    model, grid = learn_model(frame, state, 0.5, kernel_grid("five", 30)), kernel_grid("five", 30)
+    state = _state(pose) + np.array([0.0, 0.0, 0.3, 0.0])
+    model = learn_model(frame, _state(pose), 0.5, LAYOUTS["five"], backend)
     gains = np.array([[1.0, 1.0, 1.0], [0.8, 0.9, 1.1]])
-    single = [model.distances(frame, state[None], grid, gain)[0] for gain in gains]
-    assert model.relit(frame, state, grid, gains).tolist() == pytest.approx(single)
+    single = [model.distances(frame, state[None], gain)[0] for gain in gains]
+    assert model.relit(frame, state, gains).tolist() == pytest.approx(single)
+
+
+def test_permuted_states_have_permuted_distances() -> None:
+    frame, pose = _first()
+    model = learn_model(frame, _state(pose), 0.5, LAYOUTS["five"])
+    states = _scattered(pose)
+    order = np.random.default_rng(1).permutation(len(states))
+    assert model.distances(frame, states[order]).tolist() == model.distances(frame, states)[order].tolist()

@@ -7,13 +7,13 @@ import math
 import numpy as np
 import pytest
 
+from benchmarks.painted_scene import Scene, straight
 from common.tracking.config import ParticleFilterConfig
-from common.tracking.histogram import kernel_grid, learn_model
+from common.tracking.histogram import LAYOUTS, learn_model
 from common.tracking.light import Light
 from common.tracking.particle_filter import ParticleFilterTracker
-from tests.unit.tracking_scene import Scene, straight
 
-DENSE = kernel_grid("five", 30)
+KERNELS = LAYOUTS["five"]
 
 
 def _lit(frame: np.ndarray, bgr: tuple[float, float, float]) -> np.ndarray:
@@ -38,12 +38,12 @@ def test_a_jump_of_light_costs_a_few_pictures_at_most(bgr: tuple[float, float, f
 def test_each_channel_is_followed_by_itself() -> None:
     _, frame, pose = next(iter(Scene(straight(100.0, start_px=300.0), seed=3, noise=0.0).frames(0.1)))
     state = np.array([pose.x_px, pose.y_px, 0.0, 1.0 / np.sqrt(96 * 48)])
-    model, light = learn_model(frame, state, 0.5, DENSE), Light(0.1)
+    model, light = learn_model(frame, state, 0.5, KERNELS), Light(0.1)
     tint = (0.9, 1.0, 1.12)
-    before = model.distances(_lit(frame, tint), state[None], DENSE, light.gain)[0]
+    before = model.distances(_lit(frame, tint), state[None], light.gain)[0]
     for _ in range(40):
-        light.follow(model, _lit(frame, tint), state, DENSE, 0.05)
-    after = model.distances(_lit(frame, tint), state[None], DENSE, light.gain)[0]
+        light.follow(model, _lit(frame, tint), state, 1, 0.05)
+    after = model.distances(_lit(frame, tint), state[None], light.gain)[0]
     assert after < 0.6 * before
     assert light.gain[0] > light.gain[2]
 
@@ -52,7 +52,7 @@ def test_switched_off_it_changes_nothing() -> None:
     _, frame, pose = next(iter(Scene(straight(100.0, start_px=300.0), seed=3).frames(0.1)))
     state = np.array([pose.x_px, pose.y_px, 0.0, 1.0 / np.sqrt(96 * 48)])
     light = Light(0.0)
-    light.follow(learn_model(frame, state, 0.5, DENSE), _lit(frame, (0.7, 0.7, 0.7)), state, DENSE, 0.05)
+    light.follow(learn_model(frame, state, 0.5, KERNELS), _lit(frame, (0.7, 0.7, 0.7)), state, 1, 0.05)
     assert light.gain.tolist() == [1.0, 1.0, 1.0]
     assert light.jumps(frame) == []
 

@@ -7,16 +7,12 @@ import math
 import numpy as np
 import pytest
 
+from benchmarks.painted_scene import Pose, Scene, car_picture, paint, straight, winding
 from common.tracking.base import TrackResult
 from common.tracking.config import ParticleFilterConfig
-from common.tracking.particle_filter import (
-    ParticleFilterTracker,
-    expected_state,
-    likelihood_weights,
-    systematic_resample,
-)
+from common.tracking.particle_filter import ParticleFilterTracker
+from common.tracking.particles import expected_state, likelihood_weights, systematic_resample
 from common.tracking.registry import tracker_class
-from tests.unit.tracking_scene import Pose, Scene, car_picture, paint, straight, winding
 
 
 def _run(scene: Scene, duration_s: float, seed: int = 1) -> list[tuple[float, TrackResult, Pose]]:

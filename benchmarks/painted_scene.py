@@ -1,4 +1,4 @@
-"""A small synthetic world for the tracker's tests: a painted car on textured ground, with exact truth and faults."""
+"""A small synthetic world for the tracker: a painted car on textured ground, with exact truth and faults."""
 
 from __future__ import annotations
 
