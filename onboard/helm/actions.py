@@ -2,25 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import StrEnum
 from typing import Protocol
 
+from onboard.helm.dialect.base import Kind
 from onboard.helm.setpoint import LocalSetpoint
 from onboard.helm.telemetry import Telemetry
-
-
-class Kind(StrEnum):
-    """Blocking actions, done one after another by the link's worker."""
-
-    ARM = "arm"
-    DISARM = "disarm"
-    TAKEOFF = "takeoff"
-    LAND = "land"
-    HOLD = "hold"
-    OFFBOARD = "OFFBOARD"
-    PARAMETERS = "parameters"
 
 
 @dataclass(frozen=True)
@@ -31,6 +20,8 @@ class Action:
     """What."""
     parameters: Mapping[str, float | int] = field(default_factory=dict)
     """`PARAMETERS`: the values wanted; whole numbers are integer parameters."""
+    height_m: float = math.nan
+    """`TAKEOFF`: height above home, m."""
     write: bool = False
     """`PARAMETERS`: write what differs (on the ground only), then read back."""
 

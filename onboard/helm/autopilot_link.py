@@ -3,7 +3,8 @@
 Threads: MAVSDK's callback thread only stores messages (a blocking MAVSDK call there would deadlock all callbacks); one
 worker does everything that blocks; the control loop polls, sends and queues, and never waits.
 Setpoints go through `mavlink_direct`, one message a call: MAVSDK's Offboard plugin would stream the last one on from a
-C++ thread while Python hangs. `Action.arm_force` is never called: in this version it sends a forced disarm.
+C++ thread while Python hangs. So do commands, as the autopilot's dialect words them: MAVSDK's Action plugin decides by
+itself what a takeoff or a hold is on each autopilot (and its `arm_force` sends a forced disarm).
 """
 
 from __future__ import annotations
@@ -15,39 +16,30 @@ import queue
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 from mavsdk import ComponentType, Configuration, Mavsdk
 from mavsdk.exceptions import MavsdkError
 from mavsdk.logging import LogLevel, log_subscribe, log_unsubscribe
-from mavsdk.plugins.action import Action as MavsdkAction
 from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
 from mavsdk.plugins.param import Param
 
 from common.config import ConfigError
-from onboard.helm.actions import Action, ActionResult, Kind
+from onboard.helm.actions import Action, ActionResult
+from onboard.helm.dialect.base import UNKNOWN, Command, Dialect, Kind
+from onboard.helm.dialect.registry import AUTO, UnfitAutopilot, recognise
 from onboard.helm.setpoint import LocalSetpoint
 from onboard.helm.telemetry import LINK_LOST_S, Telemetry, TelemetryDecoder
 
 log = logging.getLogger(__name__)
 
 _COMPONENT = 1
-_MESSAGES = (
-    "ATTITUDE_QUATERNION",
-    "LOCAL_POSITION_NED",
-    "HEARTBEAT",
-    "CURRENT_MODE",
-    "EXTENDED_SYS_STATE",
-    "SYS_STATUS",
-    "BATTERY_STATUS",
-    "HOME_POSITION",
-)
-_RATES_HZ = ((31, 50.0), (32, 30.0), (436, 5.0), (245, 5.0))
-_SET_MODE, _SET_MESSAGE_INTERVAL = 176, 511
-_OFFBOARD = 6.0
+_HEARTBEAT, _ATTITUDE = "HEARTBEAT", "ATTITUDE_QUATERNION"
+_SET_MESSAGE_INTERVAL = 511
 _ACCEPTED = 0
+_RESULTS = {1: "TEMPORARILY_REJECTED", 2: "DENIED", 3: "UNSUPPORTED", 4: "FAILED", 6: "CANCELLED"}
 _ATTITUDES = 100
 _PATIENCE = 10  # looks of 0.5 s
 
@@ -57,13 +49,14 @@ class AutopilotLink:
 
     Args:
         url: MAVSDK connection URL.
+        dialect: `helm.dialect`: `auto`, or the name of the dialect to take.
 
     Raises:
         ConfigError: the URL cannot be opened.
     """
 
-    def __init__(self, url: str):
-        self._url = url
+    def __init__(self, url: str, dialect: str = AUTO):
+        self._url, self._wanted = url, dialect
         log_subscribe(_to_logging)
         self._mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.COMPANION_COMPUTER))
         result = self._mavsdk.add_any_connection(url)
@@ -76,8 +69,12 @@ class AutopilotLink:
         self._decoder = TelemetryDecoder()
         self._system_id = 0
         self._direct: MavlinkDirect | None = None
-        self._action: MavsdkAction | None = None
         self._param: Param | None = None
+        self._heartbeat: str | None = None
+        self._recognised: tuple[int, int] | None = None
+        self._dialect: Dialect = UNKNOWN
+        self._unfit = ""
+        self._subscribed: set[str] = set()
         self._heard_ns = 0
         self._started_ns = time.monotonic_ns()
         self._todo: queue.Queue[Action] = queue.Queue()
@@ -91,6 +88,11 @@ class AutopilotLink:
 
     def poll(self, t_ns: int) -> Telemetry:
         """Newest telemetry, with every attitude since the last call (at most 100)."""
+        dialect = self._dialect
+        if dialect is not self._decoder.dialect:
+            self._decoder = TelemetryDecoder(dialect)
+        if dialect is UNKNOWN:
+            return Telemetry(unfit=self._unfit)
         with self._lock:
             arrived = list(self._attitudes)
             self._attitudes.clear()
@@ -106,11 +108,14 @@ class AutopilotLink:
 
     def send(self, setpoint: LocalSetpoint) -> bool:
         """Send one setpoint now; False when there is no autopilot or MAVSDK refused."""
-        direct = self._direct
-        if direct is None:
+        direct, dialect = self._direct, self._dialect
+        if direct is None or dialect is UNKNOWN:
             return False
-        boot_ms = (time.monotonic_ns() - self._started_ns) // 1_000_000
-        fields = setpoint.fields(self._system_id, _COMPONENT, boot_ms)
+        fields = dialect.setpoint(setpoint) | {
+            "time_boot_ms": (time.monotonic_ns() - self._started_ns) // 1_000_000 & 0xFFFFFFFF,
+            "target_system": self._system_id,
+            "target_component": _COMPONENT,
+        }
         message = MavlinkMessage("SET_POSITION_TARGET_LOCAL_NED", 0, 0, self._system_id, _COMPONENT, json.dumps(fields))
         try:
             direct.send_message(message)
@@ -162,7 +167,9 @@ class AutopilotLink:
         entry = (now_ns, message.message_name, message.fields_json)
         with self._lock:
             self._counts["messages"] += 1
-            if message.message_name == "ATTITUDE_QUATERNION":
+            if message.message_name == _HEARTBEAT:
+                self._heartbeat = message.fields_json
+            if message.message_name == _ATTITUDE:
                 self._attitudes.append(entry)
             else:
                 self._newest[message.message_name] = entry
@@ -184,7 +191,9 @@ class AutopilotLink:
             if silent:
                 rates_set = False
                 self._look_for_another()
-            elif not rates_set:
+            elif self._recognise(self._direct):
+                rates_set = False
+            elif not rates_set and self._dialect is not UNKNOWN:
                 rates_set = True
                 self._set_rates(self._direct)
             try:
@@ -196,13 +205,39 @@ class AutopilotLink:
     def _attach(self, system: Any) -> None:
         """Make a system the one that is read and commanded."""
         self._system_id = system.get_system_id()
-        self._action, self._param = MavsdkAction(system), Param(system)
+        self._param = Param(system)
+        self._heartbeat, self._recognised, self._dialect = None, None, UNKNOWN
         direct = MavlinkDirect(system)
-        for name in _MESSAGES:
-            direct.subscribe_message(name, self._store)
+        direct.subscribe_message(_HEARTBEAT, self._store)
+        self._subscribed = {_HEARTBEAT}
         self._heard_ns = time.monotonic_ns()
         self._direct = direct
-        log.info("autopilot found at %s, system %d", self._url, self._system_id)
+
+    def _recognise(self, direct: MavlinkDirect) -> bool:
+        """Take the dialect that the newest heartbeat calls for; whether that was news."""
+        if self._heartbeat is None:
+            return False
+        try:
+            heartbeat = json.loads(self._heartbeat)
+            heard = (int(heartbeat["autopilot"]), int(heartbeat["type"]))
+        except (ValueError, KeyError, TypeError):
+            return False  # counted as malformed where it is decoded
+        if heard == self._recognised:
+            return False
+        self._recognised = heard
+        try:
+            dialect, self._unfit = recognise(*heard, self._wanted), ""
+        except UnfitAutopilot as error:
+            self._dialect, self._unfit = UNKNOWN, f"{self._url}: {error}"
+            log.error("%s", self._unfit)
+            return True
+        for name in dialect.messages:
+            if name not in self._subscribed:
+                self._subscribed.add(name)
+                direct.subscribe_message(name, self._store)
+        self._dialect = dialect
+        log.info("autopilot found at %s, system %d: %s", self._url, self._system_id, dialect.title)
+        return True
 
     def _look_for_another(self) -> None:
         """The autopilot is silent: take up one that speaks under another system id (after an exchange or a reset)."""
@@ -215,40 +250,31 @@ class AutopilotLink:
                 return
 
     def _set_rates(self, direct: MavlinkDirect) -> None:
-        for message_id, rate_hz in _RATES_HZ:
-            ok, text = self._command(direct, _SET_MESSAGE_INTERVAL, float(message_id), 1e6 / rate_hz)
+        for message_id, rate_hz in self._dialect.rates_hz:
+            ok, text = self._command(direct, Command(_SET_MESSAGE_INTERVAL, (float(message_id), 1e6 / rate_hz)))
             if not ok:
                 log.info("the autopilot keeps its own rate of message %d (%s)", message_id, text)
 
     def _perform(self, action: Action) -> ActionResult:
         self._counts["actions"] += 1
-        plugin, param, direct = self._action, self._param, self._direct
-        if plugin is None or param is None or direct is None:
+        param, direct, dialect = self._param, self._direct, self._dialect
+        if param is None or direct is None or dialect is UNKNOWN:
             return ActionResult(action, False, "no autopilot")
         if action.kind is Kind.PARAMETERS:
             return _parameters(param, action, self._todo.empty)
-        if action.kind is Kind.OFFBOARD:
-            ok, text = self._command(direct, _SET_MODE, 1.0, _OFFBOARD)
-            return ActionResult(action, ok, text)
-        calls: Mapping[Kind, Callable[[], Any]] = {
-            Kind.ARM: plugin.arm,
-            Kind.DISARM: plugin.disarm,
-            Kind.TAKEOFF: plugin.takeoff,
-            Kind.LAND: plugin.land,
-            Kind.HOLD: plugin.hold,
-        }
-        try:
-            calls[action.kind]()
-        except MavsdkError as error:
-            return ActionResult(action, False, getattr(getattr(error, "result", None), "name", str(error)))
+        for command in dialect.commands(action.kind, self._decoder.now.mode, action.height_m):
+            ok, text = self._command(direct, command)
+            if not ok:
+                return ActionResult(action, False, text)
         return ActionResult(action, True)
 
-    def _command(self, direct: MavlinkDirect, command: int, *params: float) -> tuple[bool, str]:
+    def _command(self, direct: MavlinkDirect, command: Command) -> tuple[bool, str]:
         """Send a COMMAND_LONG and wait for its acknowledgement (MAVSDK repeats it)."""
+        params = [None if math.isnan(p) else p for p in command.params]  # JSON has no NaN
         fields = {
             "target_system": self._system_id,
             "target_component": _COMPONENT,
-            "command": command,
+            "command": command.number,
             "confirmation": 0,
         }
         fields |= {f"param{i}": (params[i - 1] if i <= len(params) else 0.0) for i in range(1, 8)}
@@ -258,7 +284,7 @@ class AutopilotLink:
         except (MavsdkError, ValueError) as error:
             return False, getattr(getattr(error, "result", None), "name", str(error))
         result = int(acknowledged.get("result", -1))
-        return result == _ACCEPTED, f"MAV_RESULT {result}"
+        return result == _ACCEPTED, f"{_RESULTS.get(result, result)} (command {command.number})"
 
 
 def _parameters(param: Param, action: Action, idle: Callable[[], bool]) -> ActionResult:

@@ -89,7 +89,8 @@ def _takeoff(call: Call, flight: Flight, seen: Seen, t_ns: int) -> None:
     elif not _gate_closed(call, flight, seen, t_ns):
         flight.orders.wait("takeoff", call, _after(flight, _TAKEOFF_S, t_ns))
         flight.fire(Event.TAKEOFF, f"taking off to {height_m:g} m", seen.telemetry, t_ns)
-        flight.takeoff = Takeoff(height_m, config.parameters, seen.telemetry, t_ns)
+        wanted = flight.wanted(seen.telemetry) | seen.telemetry.dialect.takeoff_parameters(height_m)
+        flight.takeoff = Takeoff(height_m, wanted, seen.telemetry, t_ns)
 
 
 def _hold(call: Call, flight: Flight, seen: Seen, t_ns: int) -> None:

@@ -8,6 +8,10 @@ from typing import Annotated, Literal
 import msgspec
 
 from common.config import ConfigError, Fraction, NonNegative, Positive, Section
+from onboard.helm.dialect.ardupilot import ARDUPILOT
+from onboard.helm.dialect.base import Dialect
+from onboard.helm.dialect.px4 import PX4
+from onboard.helm.dialect.registry import AUTO, DIALECTS
 
 _URL = re.compile(
     r"^(?:(?:udpin|udpout|tcpin|tcpout)://[^:/\s]+:(?P<port>\d{1,5})|serial(?:_flowcontrol)?:///[^:\s]+:\d+)$"
@@ -83,16 +87,13 @@ class HelmConfig(Section, frozen=True, kw_only=True):
     """The camera counts as live when its newest picture, as its calibration message says, is at most this old, s."""
     camera_required: bool = True
     """Whether a missing camera or calibration forbids arming."""
-    parameters: dict[str, float | int] = msgspec.field(
-        default_factory=lambda: {
-            "COM_OF_LOSS_T": 1.0,
-            "COM_OBL_RC_ACT": 5,
-            "RTL_RETURN_ALT": 8.0,
-            "MIS_TAKEOFF_ALT": 4.0,
-        }
-    )
-    """Parameters of the autopilot that helm writes on the ground and insists on before arming. Whole numbers are
-    integer parameters, others float. COM_OBL_RC_ACT 5 is HOLD: PX4's own default returned home after a hang."""
+    dialect: str = AUTO
+    """What the autopilot speaks: `auto` asks its heartbeat, a name (`px4`, `ardupilot`) is taken at its word."""
+    parameters: dict[str, float | int] = msgspec.field(default_factory=lambda: dict(PX4.parameters))
+    """Parameters that helm writes to PX4 on the ground and insists on before arming. Whole numbers are integer
+    parameters, others float. COM_OBL_RC_ACT 5 is HOLD: PX4's own default returned home after a hang."""
+    ardupilot_parameters: dict[str, float | int] = msgspec.field(default_factory=lambda: dict(ARDUPILOT.parameters))
+    """The same for ArduPilot. FS_EKF_ACTION 1 lands without a position."""
     containment: ContainmentConfig = ContainmentConfig()
     """Speed, height band, fence."""
 
@@ -110,17 +111,27 @@ class HelmConfig(Section, frozen=True, kw_only=True):
                 raise ConfigError(
                     f"{name}: got {getattr(self, name)}, expected {low} to {high}, the height band of containment"
                 )
-        loss_s = self.parameters.get("COM_OF_LOSS_T", 1.0)
-        if not 0.3 <= loss_s <= 3.0:
-            raise ConfigError(
-                f"parameters.COM_OF_LOSS_T: got {loss_s}, expected 0.3 to 3.0 s: it is how long the "
-                f"vehicle flies on after helm fell silent"
-            )
+        if self.dialect not in (AUTO, *DIALECTS):
+            raise ConfigError(f"dialect: got {self.dialect!r}, expected {AUTO}, {' or '.join(DIALECTS)}")
+        for dialect in DIALECTS.values():
+            silence_s = self.silence_s(dialect)
+            if not 0.3 <= silence_s <= 3.0:
+                raise ConfigError(
+                    f"{self._parameter_field(dialect)}.{dialect.silence_parameter}: got {silence_s}, expected 0.3 to "
+                    f"3.0 s: it is how long the vehicle flies on after helm fell silent"
+                )
 
-    @property
-    def offboard_loss_s(self) -> float:
-        """Silence after which the autopilot leaves OFFBOARD by itself, s."""
-        return float(self.parameters.get("COM_OF_LOSS_T", 1.0))
+    def parameters_of(self, dialect: Dialect) -> dict[str, float | int]:
+        """What helm writes to an autopilot of this dialect, and insists on."""
+        return getattr(self, self._parameter_field(dialect), {})
+
+    def silence_s(self, dialect: Dialect) -> float:
+        """Silence after which an autopilot of this dialect stops flying helm's last setpoint, s."""
+        return float(self.parameters_of(dialect).get(dialect.silence_parameter, 1.0))
+
+    @staticmethod
+    def _parameter_field(dialect: Dialect) -> str:
+        return "parameters" if dialect is PX4 else f"{dialect.name}_parameters"
 
     @property
     def udp_port(self) -> int | None:

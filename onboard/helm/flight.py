@@ -10,6 +10,7 @@ import math
 from onboard.helm.actions import Action, Kind
 from onboard.helm.arbiter import HOVER, Candidate, Verdict, arbitrate
 from onboard.helm.config import HelmConfig
+from onboard.helm.dialect.base import Role
 from onboard.helm.machine import Engagement, Machine, presence
 from onboard.helm.orders import Orders
 from onboard.helm.pilot import Flown, Pilot, homing
@@ -73,8 +74,12 @@ class Flight:
     def streaming(self, telemetry: Telemetry) -> bool:
         """Whether setpoints go out: in control, engaging, or until the autopilot has taken over the landing."""
         if self.state is State.LANDING:
-            return telemetry.mode == "OFFBOARD"
+            return Role.CONTROL in telemetry.roles
         return self.state is State.ENGAGING or in_control(self.state)
+
+    def wanted(self, telemetry: Telemetry) -> dict[str, float | int]:
+        """Parameters that this autopilot must have."""
+        return dict(self.config.parameters_of(telemetry.dialect))
 
     def step(self, seen: Seen, t_ns: int) -> Flown | None:
         """One control cycle; the setpoint to send, or None when none is due or none may go out."""
@@ -137,17 +142,17 @@ class Flight:
                 self.orders.settle("landing", "done", reason)
             self.orders.fail_all(reason, keep=("arm", "disarm"))
         if state is State.STANDBY or before is State.DISCONNECTED:
-            self._read_parameters(write=state is State.STANDBY, t_ns=t_ns)
+            self._read_parameters(telemetry, write=state is State.STANDBY, t_ns=t_ns)
 
-    def _read_parameters(self, write: bool, t_ns: int) -> None:
+    def _read_parameters(self, telemetry: Telemetry, write: bool, t_ns: int) -> None:
         self._parameters_ns = t_ns
-        self.do(Action(Kind.PARAMETERS, dict(self.config.parameters), write=write))
+        self.do(Action(Kind.PARAMETERS, self.wanted(telemetry), write=write))
 
     def _hear(self, seen: Seen, t_ns: int) -> None:
         for result in seen.results:
             if result.action.kind is Kind.PARAMETERS:
                 self.parameters.update(result.values)
-            elif result.action.kind is Kind.OFFBOARD and result.ok and self._engagement is not None:
+            elif result.action.kind is Kind.CONTROL and result.ok and self._engagement is not None:
                 self._engagement.accepted(t_ns)
             if result.ok:
                 continue
@@ -162,14 +167,16 @@ class Flight:
         """What happens to helm: presence and silence of the autopilot, its own hang, modes that others command."""
         telemetry = seen.telemetry
         gap_s = (t_ns - self._last_sent_ns) / 1e9
-        if gap_s > self.config.offboard_loss_s:
+        if gap_s > self.config.silence_s(telemetry.dialect):
             self.fire(
                 Event.HUNG,
-                f"no setpoint went out for {gap_s:.1f} s, so the autopilot's failsafe has taken "
-                f"over; `engage` takes the stick again",
+                f"no setpoint went out for {gap_s:.1f} s, so {telemetry.dialect.on_silence}; "
+                "`engage` takes the stick again",
                 telemetry,
                 t_ns,
             )
+        if telemetry.unfit and self.state is State.DISCONNECTED:
+            self.machine.reason = telemetry.unfit
         found = presence(self.state, telemetry, t_ns, self.config.resume_after_restart, self.config.autopilot_url)
         if found is not None:
             self.fire(*found, telemetry, t_ns)
@@ -200,17 +207,17 @@ class Flight:
             elif self._engagement.failed(t_ns):
                 self.fire(
                     Event.ENGAGE_FAILED,
-                    f"the autopilot did not enter OFFBOARD, it is in {telemetry.mode}; look "
+                    f"the autopilot did not enter {telemetry.dialect.control_mode}, it is in {telemetry.mode}; look "
                     f"at its messages, then `engage`",
                     telemetry,
                     t_ns,
                 )
             elif self._engagement.due(t_ns):
-                self.do(Action(Kind.OFFBOARD))
+                self.do(Action(Kind.CONTROL))
         if self.state is State.LANDING:
-            if telemetry.mode == "LAND":
+            if Role.LAND in telemetry.roles:
                 self.orders.settle("landing", "done", "landing")
-            elif telemetry.mode == "OFFBOARD" and self.machine.in_state_s(t_ns) > _LAND_WITHIN_S:
+            elif Role.CONTROL in telemetry.roles and self.machine.in_state_s(t_ns) > _LAND_WITHIN_S:
                 self.orders.settle("landing", "failed", "the autopilot did not enter LAND")
                 self.fire(Event.LAND_FAILED, "the autopilot did not enter LAND; hovering", telemetry, t_ns)
         if (
@@ -218,11 +225,11 @@ class Flight:
             and (t_ns - self._parameters_ns) / 1e9 > _PARAMETERS_AGAIN_S
             and any(
                 not math.isclose(self.parameters.get(k, math.nan), v, rel_tol=1e-4, abs_tol=1e-4)
-                for k, v in self.config.parameters.items()
-                if k != "MIS_TAKEOFF_ALT"
+                for k, v in self.wanted(telemetry).items()
+                if k != telemetry.dialect.takeoff_parameter
             )
         ):
-            self._read_parameters(write=True, t_ns=t_ns)
+            self._read_parameters(telemetry, write=True, t_ns=t_ns)
 
     def _take_off(self, takeoff: Takeoff, seen: Seen, t_ns: int) -> None:
         retries = takeoff.retries

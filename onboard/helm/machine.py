@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections import Counter
 
+from onboard.helm.dialect.base import Role
 from onboard.helm.states import Event, State, in_control, next_state
 from onboard.helm.telemetry import LINK_AGED_S, LINK_LOST_S, Telemetry
 
@@ -13,7 +14,7 @@ log = logging.getLogger(__name__)
 _TAKEOFF_NEAR_M = 1.0
 _ENGAGE_STREAM = 12
 _REPORT_AFTER_NS = 20_000_000
-_ENTERED_MODES = {State.TAKING_OFF: "TAKEOFF", State.ENGAGING: "OFFBOARD", State.LANDING: "LAND"}
+_ENTERED = {State.TAKING_OFF: Role.TAKEOFF, State.ENGAGING: Role.CONTROL, State.LANDING: Role.LAND}
 
 
 class Machine:
@@ -29,6 +30,7 @@ class Machine:
         self.since_ns = 0
         self.counters: Counter[str] = Counter()
         self._entry_mode = ""
+        self._entry_roles: frozenset[Role] = frozenset()
         self._confirmed = False
         self._from = State.DISCONNECTED
 
@@ -42,7 +44,7 @@ class Machine:
         if target is not self.state:
             self._from = self.state
             self.state, self.since_ns = target, t_ns
-            self._entry_mode, self._confirmed = telemetry.mode, False
+            self._entry_mode, self._entry_roles, self._confirmed = telemetry.mode, telemetry.roles, False
         return True
 
     def in_state_s(self, t_ns: int) -> float:
@@ -55,28 +57,29 @@ class Machine:
         On entry the mode before is tolerated until the state's own mode is reported for the first time (reports come
         late: 0.5 to 1 Hz); from then on any other mode is someone else's.
         """
-        mode = telemetry.mode
-        if in_control(self.state):  # entered with OFFBOARD confirmed
-            return None if mode == "OFFBOARD" else mode
-        wanted = _ENTERED_MODES.get(self.state)
+        mode, roles, dialect = telemetry.mode, telemetry.roles, telemetry.dialect
+        if in_control(self.state):  # entered with the control mode confirmed
+            return None if Role.CONTROL in roles else mode
+        wanted = _ENTERED.get(self.state)
         if wanted is None or telemetry.mode_ns < self.since_ns:
             return None
-        if mode == wanted:
+        if wanted in roles:
             self._confirmed = True
             return None
         on_ground = telemetry.landed_known and not telemetry.in_air
         if self.state is State.LANDING and on_ground:
-            return None  # it leaves LAND by itself once it is down
+            return None  # it may leave the landing by itself once it is down
         engaging = self.state is State.ENGAGING
-        tolerated = set() if self._confirmed and not (on_ground or engaging) else {self._entry_mode}
+        by_itself: set[Role] = set()
         near_top = telemetry.height_m > takeoff_height_m - _TAKEOFF_NEAR_M
         if (self.state is State.TAKING_OFF and (near_top or on_ground)) or (
             engaging and self._from is State.TAKING_OFF
         ):
-            tolerated |= {"TAKEOFF", "HOLD"}  # the autopilot holds by itself at the end of its takeoff
-        if engaging and self._entry_mode == "OFFBOARD":
-            tolerated |= {"HOLD", "RETURN", "LAND"}  # a loss failsafe that was due before the stream began
-        return None if mode in tolerated else mode
+            by_itself |= dialect.after_takeoff
+        if engaging and Role.CONTROL in self._entry_roles:
+            by_itself |= dialect.after_silence  # a loss failsafe that was due before the stream began
+        as_before = mode == self._entry_mode and (not self._confirmed or on_ground or engaging)
+        return None if as_before or by_itself & roles else mode
 
 
 def presence(state: State, telemetry: Telemetry, t_ns: int, resume: bool, url: str) -> tuple[Event, str] | None:
@@ -118,7 +121,7 @@ def _found(telemetry: Telemetry, resume: bool) -> tuple[Event, str] | None:
 
 
 class Engagement:
-    """The way into OFFBOARD: a dozen setpoints, then the mode, then its confirmation; one retry.
+    """The way into the control mode: a dozen setpoints, then the mode, then its confirmation; one retry.
 
     Args:
         t_ns: now, ns.
@@ -140,16 +143,16 @@ class Engagement:
         self._accepted_ns = t_ns
 
     def confirmed(self, telemetry: Telemetry) -> bool:
-        """Whether OFFBOARD was reported after it was accepted. An OFFBOARD from before proves nothing: the autopilot
-        may be about to leave it for want of setpoints."""
+        """Whether the control mode was reported after it was accepted. A report from before proves nothing: the
+        autopilot may be about to leave it for want of setpoints."""
         return (
-            telemetry.mode == "OFFBOARD"
+            Role.CONTROL in telemetry.roles
             and self._accepted_ns is not None
             and telemetry.mode_ns > self._accepted_ns + _REPORT_AFTER_NS
         )
 
     def due(self, t_ns: int) -> bool:
-        """Whether to ask for OFFBOARD now; true once per attempt."""
+        """Whether to ask for the control mode now; true once per attempt."""
         if self._sent < _ENGAGE_STREAM or self._attempts >= 2:
             return False
         if self._asked_ns is not None and (t_ns - self._asked_ns) / 1e9 < 1.6:

@@ -77,7 +77,7 @@ class HelmNode(Node):
         try:
             if self.helm.udp_port is not None:
                 require_free_port(self.helm.udp_port, url)
-            return AutopilotLink(url)
+            return AutopilotLink(url, self.helm.dialect)
         except Exception:
             self._lock.close()
             raise

@@ -23,7 +23,6 @@ _STEP_MAX_S = 0.1
 _STILL_M_S = 0.4
 _BRAKE_MAX_S = 4.0
 _HEIGHT_LEAD_M = 1.0
-_AUTOPILOT_HEIGHT_GAIN_1_S = 1.0  # PX4's MPC_Z_P
 _HEADING_LEAD_RAD = 0.5
 
 
@@ -94,10 +93,11 @@ class Pilot:
             self._anchor_m, self._hover_since_ns = None, None
         rate = bounds.braking_m_s2 if hovering else bounds.acceleration_m_s2
         contained = contain(slew(contain(wanted, ned_p_m, bounds), self._last_v, rate, dt_s), ned_p_m, bounds)
-        limited = self._limit(contained, -ned_p_m[2], position.ned_v_m_s, view, dt_s)
+        limited = self._limit(contained, telemetry, position.ned_v_m_s, view, dt_s)
         yaw_rate = self._turn(verdict.yaw_rate_rad_s, attitude.yaw_rad, dt_s)
         home_z = telemetry.home_local_m[2] if telemetry.home_local_m else 0.0
-        local = LocalSetpoint(limited.ned_v_m_s[0], limited.ned_v_m_s[1], home_z - self._height_m, yaw_rate)
+        north, east, down = limited.ned_v_m_s
+        local = LocalSetpoint(north, east, home_z - self._height_m, down, yaw_rate)
         message = Setpoint(
             source=verdict.source,
             asked_ned_v_m_s=verdict.ned_v_m_s,
@@ -122,17 +122,20 @@ class Pilot:
         )
         return (north, east, down_m_s)
 
-    def _limit(self, ned_v_m_s: Vec3, height_m: float, ned_vehicle_v_m_s: Vec3, view: View, dt_s: float) -> Limited:
+    def _limit(
+        self, ned_v_m_s: Vec3, telemetry: Telemetry, ned_vehicle_v_m_s: Vec3, view: View, dt_s: float
+    ) -> Limited:
         """The limiter over the whole motion that the setpoint will cause, climbing to the held height included.
 
-        The vertical request moves the held height, which leads the vehicle by 1 m at most; the autopilot climbs
-        towards it at gain · lead. That climb is what the limiter sees; what it takes away is taken from the lead.
+        The vertical request moves the held height, which leads the vehicle by 1 m at most; the vehicle climbs
+        towards it at gain · lead, by the autopilot's own loop or by the velocity that helm sends. That climb is what
+        the limiter sees; what it takes away is taken from the lead.
         """
-        bounds = self._config.containment
+        bounds, gain_1_s, height_m = self._config.containment, telemetry.dialect.height_gain_1_s, telemetry.height_m
         low, high = min(bounds.height_min_m, self._height_m), max(bounds.height_max_m, self._height_m)
         held_m = min(max(self._height_m - ned_v_m_s[2] * dt_s, low), high)
         lead_m = min(max(held_m - height_m, -_HEIGHT_LEAD_M), _HEIGHT_LEAD_M)
-        down_m_s = -_AUTOPILOT_HEIGHT_GAIN_1_S * lead_m
+        down_m_s = -gain_1_s * lead_m
         self._has_seen_obstacles |= view.obstacles is not None
         limited = limit(
             (ned_v_m_s[0], ned_v_m_s[1], down_m_s),
@@ -144,7 +147,7 @@ class Pilot:
         )
         north, east, limited_down = limited.ned_v_m_s
         cut = limited_down != down_m_s
-        self._height_m = height_m + (-limited_down / _AUTOPILOT_HEIGHT_GAIN_1_S if cut else lead_m)
+        self._height_m = height_m + (-limited_down / gain_1_s if cut else lead_m)
         self._last_v = (north, east, limited_down if cut else ned_v_m_s[2])
         return limited
 

@@ -8,15 +8,10 @@ from dataclasses import dataclass
 
 from common.messages import PreflightItem
 from onboard.helm.config import HelmConfig
+from onboard.helm.dialect.base import Dialect
 from onboard.helm.telemetry import LINK_AGED_S, Telemetry
 
 _ESTIMATE_AGE_S = 0.5
-_OWN_ITEM = {
-    "COM_OF_LOSS_T": "offboard loss time",
-    "COM_OBL_RC_ACT": "offboard loss action",
-    "RTL_RETURN_ALT": "return altitude",
-}
-_WRITTEN_AT_TAKEOFF = "MIS_TAKEOFF_ALT"
 
 
 @dataclass(frozen=True)
@@ -52,7 +47,7 @@ def gate(
         ),
         _item("home", telemetry.home_local_m is not None, "set", "not set; wait for the position estimate"),
         _battery(telemetry, config),
-        *_parameters(parameters, config),
+        *_parameters(parameters, telemetry.dialect, config),
         *_camera(camera, config),
     )
 
@@ -71,8 +66,8 @@ def _link(telemetry: Telemetry, config: HelmConfig, t_ns: int) -> PreflightItem:
     return _item(
         "link",
         age_s < LINK_AGED_S,
-        f"heard {max(age_s, 0.0):.1f} s ago" if math.isfinite(age_s) else "",
-        f"no word from the autopilot at {config.autopilot_url}; start it, or set helm.autopilot_url",
+        f"{telemetry.dialect.title}, heard {max(age_s, 0.0):.1f} s ago" if math.isfinite(age_s) else "",
+        telemetry.unfit or f"no word from the autopilot at {config.autopilot_url}; start it, or set helm.autopilot_url",
     )
 
 
@@ -104,17 +99,17 @@ def _battery(telemetry: Telemetry, config: HelmConfig) -> PreflightItem:
     )
 
 
-def _parameters(parameters: Mapping[str, float], config: HelmConfig) -> list[PreflightItem]:
+def _parameters(parameters: Mapping[str, float], dialect: Dialect, config: HelmConfig) -> list[PreflightItem]:
     items = []
-    for name, wanted in config.parameters.items():
-        if name == _WRITTEN_AT_TAKEOFF:
+    for name, wanted in config.parameters_of(dialect).items():
+        if name == dialect.takeoff_parameter:
             continue
         got = parameters.get(name)
         ok = got is not None and math.isclose(got, wanted, rel_tol=1e-4, abs_tol=1e-4)
         found = "not read yet" if got is None else f"got {got:g}"
         items.append(
             _item(
-                _OWN_ITEM.get(name, name),
+                dialect.parameter_titles.get(name, name),
                 ok,
                 f"{name} = {wanted:g}",
                 f"{name}: {found}, expected {wanted:g}; helm writes it on the ground, look at its log",

@@ -1,4 +1,5 @@
-"""The one kind of setpoint that helm sends: horizontal velocity with held altitude and heading rate."""
+"""The kinds of setpoint that helm sends, before a dialect words them: today one, horizontal velocity with held altitude
+and heading rate."""
 
 from __future__ import annotations
 
@@ -7,10 +8,8 @@ from typing import Any
 
 from common.messages import Vec3
 
-VELOCITY_WITH_ALTITUDE = 0x5E3
-"""Type mask: use z, vx, vy and the heading rate; ignore x, y, vz, accelerations and heading. PX4 held the altitude
-within 0.25 m with it, against 0.5 m of drift and more with a velocity in all three axes."""
 _LOCAL_NED = 1
+_FIELDS = ("x", "y", "z", "vx", "vy", "vz", "afx", "afy", "afz", "yaw", "yaw_rate")
 
 
 @dataclass(frozen=True)
@@ -23,29 +22,21 @@ class LocalSetpoint:
     """Velocity east, m/s."""
     local_z_m: float
     """Held altitude: z of the local frame, down, m."""
+    down_m_s: float
+    """Velocity down that closes the height error, limited like the rest, m/s: for an autopilot that holds no altitude
+    beside a horizontal velocity."""
     yaw_rate_rad_s: float
     """Heading rate, clockwise, rad/s."""
 
-    def fields(self, system: int, component: int, boot_ms: int = 0) -> dict[str, Any]:
-        """Fields of SET_POSITION_TARGET_LOCAL_NED for a target system and component."""
-        return {
-            "time_boot_ms": boot_ms & 0xFFFFFFFF,
-            "target_system": system,
-            "target_component": component,
-            "coordinate_frame": _LOCAL_NED,
-            "type_mask": VELOCITY_WITH_ALTITUDE,
-            "x": 0.0,
-            "y": 0.0,
-            "z": self.local_z_m,
-            "vx": self.north_m_s,
-            "vy": self.east_m_s,
-            "vz": 0.0,
-            "afx": 0.0,
-            "afy": 0.0,
-            "afz": 0.0,
-            "yaw": 0.0,
-            "yaw_rate": self.yaw_rate_rad_s,
-        }
+
+def position_target(type_mask: int, **used: float) -> dict[str, Any]:
+    """Fields of SET_POSITION_TARGET_LOCAL_NED in the local NED frame, but for addressee and time.
+
+    Args:
+        type_mask: POSITION_TARGET_TYPEMASK, which says what is ignored.
+        used: the fields that count, m, m/s, m/s², rad, rad/s; the others are 0.
+    """
+    return {"coordinate_frame": _LOCAL_NED, "type_mask": type_mask} | dict.fromkeys(_FIELDS, 0.0) | used
 
 
 def hover_velocity(anchor_m: tuple[float, float], ned_p_m: Vec3, gain_1_s: float, speed_m_s: float) -> Vec3:

@@ -1,4 +1,4 @@
-"""A takeoff that trusts nothing: acknowledged is not climbed. (One in 34 of PX4's was acknowledged and stayed down.)"""
+"""A takeoff that trusts nothing: acknowledged is not climbed. (One in 34 was, and stayed down.)"""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _ATTEMPTS = 2
 class Phase(StrEnum):
     """Where a takeoff stands."""
 
-    PARAMETER = "writing the takeoff height"
+    PARAMETER = "writing the parameters"
     ARMING = "arming"
     COMMAND = "commanding takeoff"
     CLIMB = "waiting for the climb"
@@ -41,11 +41,11 @@ class Outcome:
 
 
 class Takeoff:
-    """One takeoff: height parameter, arming, command, climb verified, one retry.
+    """One takeoff: parameters, arming, command, climb verified, one retry.
 
     Args:
         height_m: height above home, m.
-        parameters: what else the autopilot must have, verified once more.
+        parameters: what the autopilot must have, the takeoff's own among it; verified once more.
         telemetry: the vehicle now, on the ground.
         t_ns: now, ns.
     """
@@ -53,7 +53,7 @@ class Takeoff:
     def __init__(self, height_m: float, parameters: Mapping[str, float | int], telemetry: Telemetry, t_ns: int):
         self.height_m = height_m
         self.phase = Phase.PARAMETER
-        self._writing = Action(Kind.PARAMETERS, {**parameters, "MIS_TAKEOFF_ALT": float(height_m)}, write=True)
+        self._writing = Action(Kind.PARAMETERS, dict(parameters), write=True)
         self.retries = 0
         self._ground_m = telemetry.height_m
         self._since_ns = t_ns
@@ -108,7 +108,9 @@ class Takeoff:
         self._asked = True
         if self.phase is Phase.PARAMETER:
             return [self._writing], None
-        return [Action(Kind.ARM if self.phase is Phase.ARMING else Kind.TAKEOFF)], None
+        if self.phase is Phase.ARMING:
+            return [Action(Kind.ARM)], None
+        return [Action(Kind.TAKEOFF, height_m=self.height_m)], None
 
     def _watch_climb(self, telemetry: Telemetry, t_ns: int) -> tuple[list[Action], Outcome | None]:
         gained_m = telemetry.height_m - self._ground_m

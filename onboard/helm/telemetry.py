@@ -9,27 +9,17 @@ from typing import Any
 
 from common.clock import ClockMap
 from common.messages import Quat, Vec3
+from onboard.helm.dialect.base import UNKNOWN, Dialect, Role
 
 LINK_AGED_S = 1.0
 """Without telemetry for this long, estimates are stale, s."""
 LINK_LOST_S = 3.0
 """Without telemetry for this long, the autopilot counts as lost, s (as MAVSDK counts)."""
 
-_MAIN_MODES = {1: "MANUAL", 2: "ALTCTL", 3: "POSCTL", 5: "ACRO", 6: "OFFBOARD", 7: "STABILIZED"}
-_AUTO_MODES = {1: "READY", 2: "TAKEOFF", 3: "HOLD", 4: "MISSION", 5: "RETURN", 6: "LAND", 8: "FOLLOW", 9: "PRECLAND"}
 _ARMED_FLAG = 128
-_READY_BIT = 1 << 28
 _CRITICAL = 5
 _AUTOPILOT_INVALID = 8
 _LANDED = {1: False, 2: True, 3: True, 4: True}
-
-
-def mode_name(custom_mode: int) -> str:
-    """Name of a PX4 flight mode from `custom_mode` (main mode in bits 16-23, sub mode in bits 24-31)."""
-    main, sub = custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF
-    if main == 4:
-        return _AUTO_MODES.get(sub, f"AUTO{sub}")
-    return _MAIN_MODES.get(main, f"MODE{main}")
 
 
 @dataclass(frozen=True)
@@ -68,6 +58,10 @@ class Telemetry:
 
     found: bool = False
     """An autopilot has been seen on this link."""
+    dialect: Dialect = UNKNOWN
+    """What it speaks."""
+    unfit: str = ""
+    """Why helm cannot fly what it hears; empty when it can, or hears nothing."""
     attitude: AttitudeSample | None = None
     """Newest attitude."""
     attitudes: tuple[AttitudeSample, ...] = ()
@@ -116,6 +110,11 @@ class Telemetry:
         return (p[0] - home[0], p[1] - home[1], p[2] - home[2])
 
     @property
+    def roles(self) -> frozenset[Role]:
+        """What the flight mode means to helm."""
+        return self.dialect.roles(self.mode)
+
+    @property
     def height_m(self) -> float:
         """Height above home, m; NaN without a position."""
         p = self.ned_p_m()
@@ -126,6 +125,8 @@ class Telemetry:
 class TelemetryDecoder:
     """Turns messages into the snapshot. One thread calls it: the control loop."""
 
+    dialect: Dialect = UNKNOWN
+    """What the autopilot speaks."""
     clock: ClockMap = field(default_factory=ClockMap)
     """Autopilot clock to vehicle clock."""
     now: Telemetry = Telemetry()
@@ -135,10 +136,17 @@ class TelemetryDecoder:
     heartbeats: int = 0
     """Heartbeats of the autopilot so far."""
 
+    _home: dict[str, Any] | None = None
+    _origin: dict[str, Any] | None = None
+
+    def __post_init__(self) -> None:
+        self.now = replace(self.now, dialect=self.dialect)
+
     def forget(self) -> None:
         """Start anew: what speaks next may be another vehicle, one that restarted, or one whose clock stood still."""
-        self.now = Telemetry()
+        self.now = Telemetry(dialect=self.dialect)
         self.clock = ClockMap()
+        self._home = self._origin = None
 
     def feed(self, name: str, fields_json: str, arrival_ns: int) -> AttitudeSample | None:
         """Take one message; returns the attitude if it was one. A malformed message is counted and ignored."""
@@ -158,19 +166,26 @@ class TelemetryDecoder:
         elif name == "HEARTBEAT":
             self._heartbeat(m, arrival_ns)
         elif name == "CURRENT_MODE":
-            self.now = replace(self.now, mode=mode_name(int(m["custom_mode"])), mode_ns=arrival_ns)
+            self.now = replace(self.now, mode=self.dialect.mode_name(int(m["custom_mode"])), mode_ns=arrival_ns)
         elif name == "EXTENDED_SYS_STATE" and int(m["landed_state"]) in _LANDED:
             self.now = replace(self.now, in_air=_LANDED[int(m["landed_state"])], landed_known=True)
         elif name == "SYS_STATUS":
-            self.now = replace(self.now, ready=bool(int(m["onboard_control_sensors_health"]) & _READY_BIT))
-        elif name == "BATTERY_STATUS":
+            self.now = replace(self.now, ready=self.dialect.ready(m))
+        elif name == "BATTERY_STATUS" and int(m.get("id", 0)) == 0:  # the others feed no motor
             percent = int(m["battery_remaining"])
             self.now = replace(self.now, battery_fraction=percent / 100.0 if 0 <= percent <= 100 else -1.0)
-        elif name == "HOME_POSITION" and not (self.now.in_air and self.now.home_local_m):
-            # A home that moves in flight would move the frame under the vehicle: it counts on the ground only.
-            x, y, z = _numbers(m, "x", "y", "z")
-            self.now = replace(self.now, home_local_m=(x, y, z))
+        elif name == "HOME_POSITION":
+            self._place_home(m, self._origin)
+        elif name == "GPS_GLOBAL_ORIGIN":
+            self._place_home(self._home, m)
         return None
+
+    def _place_home(self, home: dict[str, Any] | None, origin: dict[str, Any] | None) -> None:
+        """A home that moves in flight would move the frame under the vehicle: it counts on the ground only."""
+        place = None if home is None else self.dialect.home_local_m(home, origin)
+        self._home, self._origin = home, origin
+        if place is not None and not (self.now.in_air and self.now.home_local_m):
+            self.now = replace(self.now, home_local_m=place)
 
     def _attitude(self, m: dict[str, Any], arrival_ns: int) -> AttitudeSample:
         w, x, y, z, roll, pitch, yaw = _numbers(m, "q1", "q2", "q3", "q4", "rollspeed", "pitchspeed", "yawspeed")
@@ -189,7 +204,7 @@ class TelemetryDecoder:
         self.now = replace(
             self.now,
             found=True,
-            mode=mode_name(int(m["custom_mode"])),
+            mode=self.dialect.mode_name(int(m["custom_mode"])),
             mode_ns=arrival_ns,
             armed=bool(int(m["base_mode"]) & _ARMED_FLAG),
             armed_known=True,

@@ -9,6 +9,8 @@ from common.config import Config
 from common.messages import CameraInfo, Command, HelmStatus, Message, Obstacle, Obstacles, Request, Setpoint, Track
 from common.node import CommandCall, Output, ScriptedRun
 from onboard.helm.actions import Action, ActionResult, Kind
+from onboard.helm.dialect.base import Dialect, Role
+from onboard.helm.dialect.px4 import PX4
 from onboard.helm.node import HelmNode
 from onboard.helm.setpoint import LocalSetpoint
 from onboard.helm.telemetry import AttitudeSample, PositionSample, Telemetry
@@ -36,12 +38,16 @@ INFO = CameraInfo(
 
 @dataclass
 class VehicleDouble:
-    """Flies as told: velocity follows the setpoint with a lag of 0.3 s, modes change at once when commanded."""
+    """Flies as told: velocity follows the setpoint with a lag of 0.3 s, modes change at once when commanded.
 
+    It speaks the dialect given: its modes, its takeoff and what it does when setpoints stay away.
+    """
+
+    dialect: Dialect = PX4
     p: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     v: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     yaw: float = 0.0
-    mode: str = "HOLD"
+    mode: str = ""
     armed: bool = False
     silent: bool = False
     frozen_estimate: bool = False
@@ -49,23 +55,28 @@ class VehicleDouble:
     takeoffs_that_fail: int = 0
     refuses: tuple[Kind, ...] = ()
     ignores: tuple[Kind, ...] = ()
-    parameters: dict[str, float] = field(
-        default_factory=lambda: {
-            "COM_OF_LOSS_T": 1.0,
-            "COM_OBL_RC_ACT": 0,
-            "RTL_RETURN_ALT": 60.0,
-            "MIS_TAKEOFF_ALT": 2.5,
-        }
-    )
+    parameters: dict[str, float] = field(default_factory=dict)
     home: tuple[float, float, float] | None = (0.0, 0.0, 0.0)
     battery: float = 0.9
     t_ns: int = START_NS
     sent: list[LocalSetpoint] = field(default_factory=list)
     sent_ns: list[int] = field(default_factory=list)
     actions: list[Action] = field(default_factory=list)
+    _climb_to_m: float | None = None
     _results: list[ActionResult] = field(default_factory=list)
     _heard: Telemetry = field(default_factory=Telemetry)
     _closed_with_hold: bool | None = None
+
+    def __post_init__(self) -> None:
+        self.mode = self.mode or self.mode_for(Role.HOLD)
+        for name in self.dialect.parameters:  # as they come from the factory, all different from what helm wants
+            self.parameters.setdefault(name, 0.5)
+
+    def mode_for(self, role: Role) -> str:
+        """A mode that has a role, the dialect's own control mode for that."""
+        if role is Role.CONTROL:
+            return self.dialect.control_mode
+        return next(mode for mode, roles in self.dialect.mode_roles.items() if role in roles)
 
     @property
     def height_m(self) -> float:
@@ -76,25 +87,35 @@ class VehicleDouble:
         dt = (t_ns - self.t_ns) / 1e9
         self.t_ns = t_ns
         wanted = [0.0, 0.0, 0.0]
-        if self.mode == "OFFBOARD" and self.sent:
-            if t_ns - self.sent_ns[-1] > 1_000_000_000:
-                self.mode = "HOLD"
-            last = self.sent[-1]
-            wanted = [last.north_m_s, last.east_m_s, last.local_z_m - self.p[2]]
-            self.yaw += last.yaw_rate_rad_s * dt
-        elif self.mode == "TAKEOFF" and self.armed:
-            wanted[2] = -min(1.0, self.parameters["MIS_TAKEOFF_ALT"] - self.height_m)
-            if self.height_m > self.parameters["MIS_TAKEOFF_ALT"] - 0.1:
-                self.mode = "HOLD"
-        elif self.mode == "LAND":
+        roles = self.dialect.roles(self.mode)
+        if self._climb_to_m is not None and Role.TAKEOFF in roles and self.armed:
+            wanted[2] = -min(1.0, self._climb_to_m - self.height_m)
+            if self.height_m > self._climb_to_m - 0.1:
+                self._climb_to_m = None
+                if self.dialect.after_takeoff:
+                    self.mode = self.mode_for(Role.HOLD)
+        elif Role.CONTROL in roles and self.sent:
+            if t_ns - self.sent_ns[-1] < 1_000_000_000:
+                last = self.sent[-1]
+                wanted = self._asked(last)
+                self.yaw += last.yaw_rate_rad_s * dt
+            elif self.dialect.after_silence:
+                self.mode = self.mode_for(Role.HOLD)
+        elif Role.LAND in roles:
             wanted[2] = 0.7
         for i in range(3):
             self.v[i] += (wanted[i] - self.v[i]) * min(dt / 0.3, 1.0) if self.armed else -self.v[i]
             self.p[i] += self.v[i] * dt
         if self.p[2] >= 0.0 and self.v[2] >= 0.0:
             self.p[2] = self.v[2] = 0.0
-            if self.mode == "LAND":
+            if Role.LAND in self.dialect.roles(self.mode):
                 self.armed = False
+
+    def _asked(self, setpoint: LocalSetpoint) -> list[float]:
+        """Velocity that the dialect's own message asks for."""
+        fields, held = self.dialect.setpoint(setpoint), not self.dialect.setpoint(setpoint)["type_mask"] & 0x004
+        down = fields["z"] - self.p[2] if held else fields["vz"]
+        return [fields["vx"], fields["vy"], down]
 
     def poll(self, t_ns: int) -> Telemetry:
         if self.silent:
@@ -107,6 +128,7 @@ class VehicleDouble:
         vx, vy, vz = self.v
         self._heard = Telemetry(
             found=True,
+            dialect=self.dialect,
             attitude=attitude,
             attitudes=(attitude,),
             position=PositionSample(stamp_ns, (x, y, z), (vx, vy, vz)),
@@ -125,6 +147,7 @@ class VehicleDouble:
         return self._heard
 
     def send(self, setpoint: LocalSetpoint) -> bool:
+        self._climb_to_m = None  # a setpoint ends a takeoff
         self.sent.append(setpoint)
         self.sent_ns.append(self.t_ns)
         return True
@@ -150,9 +173,9 @@ class VehicleDouble:
         elif action.kind is Kind.TAKEOFF and self.takeoffs_that_fail > 0:
             self.takeoffs_that_fail -= 1
         else:
-            self.mode = {Kind.TAKEOFF: "TAKEOFF", Kind.LAND: "LAND", Kind.HOLD: "HOLD", Kind.OFFBOARD: "OFFBOARD"}[
-                action.kind
-            ]
+            self.mode = self.mode_for(Role(action.kind.value))
+            if action.kind is Kind.TAKEOFF:
+                self._climb_to_m = self.parameters.get(self.dialect.takeoff_parameter, action.height_m)
         return ActionResult(action, True)
 
     def results(self) -> list[ActionResult]:

@@ -26,7 +26,7 @@ def test_takeoff_is_done_when_it_hovers_at_its_height():
     assert call.answer and call.answer.outcome == "done"
     desk.go(3.0)
     assert desk.vehicle.height_m == pytest.approx(5.0, abs=0.1)
-    assert [a.kind for a in desk.vehicle.actions][-3:] == [Kind.ARM, Kind.TAKEOFF, Kind.OFFBOARD]
+    assert [a.kind for a in desk.vehicle.actions][-3:] == [Kind.ARM, Kind.TAKEOFF, Kind.CONTROL]
 
 
 def test_the_parameters_are_written_on_the_ground():
@@ -232,21 +232,21 @@ def test_a_dozen_setpoints_go_out_before_the_mode_is_asked_for():
     desk = Desk(_airborne("HOLD"))
     desk.go(1.0)
     desk.call("engage")
-    while not any(a.kind is Kind.OFFBOARD for a in desk.vehicle.actions):
+    while not any(a.kind is Kind.CONTROL for a in desk.vehicle.actions):
         desk.step()
     assert len(desk.vehicle.sent) == 12
 
 
-def test_an_offboard_that_stays_away_is_given_up():
+def test_a_control_mode_that_stays_away_is_given_up():
     vehicle = _airborne("HOLD")
-    vehicle.ignores = (Kind.OFFBOARD,)
+    vehicle.ignores = (Kind.CONTROL,)
     desk = Desk(vehicle)
     desk.go(1.0)
     call = desk.call("engage")
     desk.go(5.0)
     assert desk.state == "yielded"
     assert call.answer and call.answer.outcome == "failed" and "OFFBOARD" in call.answer.reason
-    assert sum(a.kind is Kind.OFFBOARD for a in vehicle.actions) == 2
+    assert sum(a.kind is Kind.CONTROL for a in vehicle.actions) == 2
 
 
 def test_stale_telemetry_silences_helm_and_a_lost_autopilot_is_found_again():

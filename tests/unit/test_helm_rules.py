@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import ast
+import re
 from pathlib import Path
 
 import pytest
 
 _ROOT = Path(__file__).parents[2]
 _PURE = sorted(
-    {*(_ROOT / "onboard/limiter").glob("*.py"), *(_ROOT / "onboard/helm").glob("*.py")}
+    {*(_ROOT / "onboard/limiter").glob("*.py"), *(_ROOT / "onboard/helm").rglob("*.py")}
     - {_ROOT / "onboard/helm" / name for name in ("node.py", "autopilot_link.py", "lock.py")}
 )
 _SOURCES = [p for side in ("common", "onboard", "ground") for p in (_ROOT / side).rglob("*.py")]
@@ -48,3 +49,12 @@ def test_neither_the_offboard_plugin_nor_a_forced_arming_is_used():
         node.attr for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Attribute)
     }
     assert "arm_force" not in called and "arm_force_async" not in called
+
+
+def test_nothing_outside_the_dialects_knows_which_autopilot_it_flies():
+    """None of their words; configuration alone names their parameters."""
+    words = re.compile(r"PX4|ArduPilot|ARDUPILOT|OFFBOARD|GUIDED|COM_O|MIS_TAKEOFF")
+    allowed = {"config.py"}
+    for path in (_ROOT / "onboard/helm").glob("*.py"):
+        if path.name not in allowed:
+            assert not words.findall(path.read_text(encoding="utf-8")), path.name

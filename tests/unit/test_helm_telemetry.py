@@ -1,4 +1,4 @@
-"""Decoding of what the autopilot says, and the setpoint's fields."""
+"""Decoding of what the autopilot says."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ import math
 
 import pytest
 
-from onboard.helm.setpoint import LocalSetpoint
-from onboard.helm.telemetry import TelemetryDecoder, mode_name
+from onboard.helm.dialect.ardupilot import ARDUPILOT
+from onboard.helm.dialect.base import Dialect
+from onboard.helm.dialect.px4 import PX4
+from onboard.helm.telemetry import TelemetryDecoder
 
 _MS = 1_000_000
 ATTITUDE = {
@@ -25,28 +27,11 @@ POSITION = {"time_boot_ms": 1000, "x": 1.0, "y": 2.0, "z": -3.0, "vx": 0.1, "vy"
 HEARTBEAT = {"autopilot": 12, "base_mode": 157, "custom_mode": 0x03040000, "system_status": 4}
 
 
-def _decoder(*messages: tuple[str, dict]) -> TelemetryDecoder:
-    decoder = TelemetryDecoder()
+def _decoder(*messages: tuple[str, dict], dialect: Dialect = PX4) -> TelemetryDecoder:
+    decoder = TelemetryDecoder(dialect)
     for name, fields in messages:
         decoder.feed(name, json.dumps(fields), 9_000 * _MS)
     return decoder
-
-
-@pytest.mark.parametrize(
-    ("custom_mode", "name"),
-    [
-        (0x03040000, "HOLD"),
-        (0x00060000, "OFFBOARD"),
-        (0x02040000, "TAKEOFF"),
-        (0x05040000, "RETURN"),
-        (0x06040000, "LAND"),
-        (0x00030000, "POSCTL"),
-        (0x63040000, "AUTO99"),
-        (0, "MODE0"),
-    ],
-)
-def test_mode_names(custom_mode: int, name: str):
-    assert mode_name(custom_mode) == name
 
 
 def test_a_snapshot_is_built_from_its_messages():
@@ -102,11 +87,19 @@ def test_an_unknown_landed_state_says_nothing():
     assert not _decoder(("EXTENDED_SYS_STATE", {"landed_state": 0})).now.landed_known
 
 
-def test_the_setpoint_uses_velocity_altitude_and_heading_rate_only():
-    fields = LocalSetpoint(1.0, -2.0, -4.0, 0.1).fields(3, 1, boot_ms=2**40 + 7)
-    assert (fields["type_mask"], fields["coordinate_frame"], fields["target_system"]) == (0x5E3, 1, 3)
-    assert (fields["vx"], fields["vy"], fields["z"], fields["yaw_rate"]) == (1.0, -2.0, -4.0, 0.1)
-    assert fields["time_boot_ms"] < 2**32
-    used = {"z": 2, "vx": 3, "vy": 4, "yaw_rate": 11}
-    assert all(not fields["type_mask"] >> bit & 1 for bit in used.values())
-    assert fields["type_mask"].bit_count() == 7  # the other seven are ignored
+def test_a_second_battery_is_not_the_one_that_flies():
+    now = _decoder(
+        ("BATTERY_STATUS", {"id": 0, "battery_remaining": 80}), ("BATTERY_STATUS", {"id": 1, "battery_remaining": 5})
+    ).now
+    assert now.battery_fraction == 0.8
+
+
+def test_home_comes_from_latitude_and_longitude_where_the_autopilot_gives_no_local_place():
+    """ArduPilot leaves x, y and z of HOME_POSITION zero; the answer does not depend on which message comes first."""
+    home = {"latitude": 473977420 + 90, "longitude": 85455940 - 90, "altitude": 488_500, "x": 0.0, "y": 0.0, "z": 0.0}
+    origin = {"latitude": 473977420, "longitude": 85455940, "altitude": 488_000}
+    messages = (("HOME_POSITION", home), ("GPS_GLOBAL_ORIGIN", origin))
+    assert _decoder(messages[0], dialect=ARDUPILOT).now.home_local_m is None
+    for order in (messages, messages[::-1]):
+        now = _decoder(*order, dialect=ARDUPILOT).now
+        assert now.home_local_m == pytest.approx((1.00, -0.68, -0.5), abs=0.01)
