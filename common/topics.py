@@ -121,6 +121,10 @@ COMMANDS: dict[str, CommandSpec] = {
         CommandSpec("helm/do/engage", 5, "take the stick again after helm yielded or restarted; hovers"),
         CommandSpec("helm/do/chase", 5, "obey the pursuit"),
         CommandSpec("pursuit/do/select", 5, "choose the target by a box in the picture"),
+        CommandSpec(
+            "pursuit/do/find", 5, "look for the target of the picture `pursuit.model` names, until it is found"
+        ),
+        CommandSpec("pursuit/do/reinitialise", 5, "search the whole picture for the target and start anew on it"),
         CommandSpec("pursuit/do/stop", 5, "forget the target"),
     )
 }

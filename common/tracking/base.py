@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 import cv2
 import numpy as np
@@ -35,6 +35,8 @@ class TrackResult:
     """Circular standard deviation of the angle, rad; large when the picture does not tell the orientation."""
     repeated: bool = False
     """The picture equals the one before: it says nothing about now, and every other field is unchanged."""
+    reinitialised: bool = False
+    """A search of the whole picture found the target in this one: it may be far from where it was predicted."""
 
     def corners_px(self) -> np.ndarray:
         """Corners of the rectangle in the picture, (4, 2) px, in order around it."""
@@ -103,6 +105,30 @@ class Tracker(Protocol):
         ...
 
 
+@runtime_checkable
+class SearchingTracker(Tracker, Protocol):
+    """A tracker that also finds its target by itself, anywhere in a picture (Teulière 2011, section II-E)."""
+
+    reinitialisations: int
+    """How often it started on a place that a search of the whole picture found."""
+
+    def learn(self, picture: np.ndarray) -> None:
+        """Learn the target from a picture of it, (H, W, 3) uint8 BGR, that it fills, with its front at the top.
+
+        Raises:
+            ValueError: no colour picture, one that is too small, or one without texture.
+        """
+        ...
+
+    def find(self, frame: np.ndarray, t_ns: int) -> bool:
+        """Search a whole picture and start anew where the target is; False, and nothing changed, where it is not.
+
+        Raises:
+            ValueError: another size or type of picture, or a tracker that was never shown its target.
+        """
+        ...
+
+
 def check_frame(frame: np.ndarray, shape: tuple[int, ...] | None = None) -> None:
     """Raise ValueError unless this is a colour picture, of the given shape (H, W, 3) when there is one."""
     if not isinstance(frame, np.ndarray) or frame.ndim != 3 or frame.shape[2] != 3 or frame.dtype != np.uint8:
@@ -119,6 +145,29 @@ def check_frame(frame: np.ndarray, shape: tuple[int, ...] | None = None) -> None
 
 MIN_SIDE_PX = 6.0
 """Shortest side of a target, px: below it a part of the rectangle holds no more than a pixel or two."""
+MIN_MODEL_PX = 12
+"""Shortest side of a picture of the target, px."""
+
+
+_LEAST_CONTRAST = 4.0
+"""Least standard deviation of some channel of a picture of the target, grey levels: below it is noise."""
+
+
+def check_picture(picture: np.ndarray) -> None:
+    """Raise ValueError unless this is a colour picture that is large enough, and not of one plain colour."""
+    check_frame(picture)
+    rows, columns = picture.shape[:2]
+    if min(rows, columns) < MIN_MODEL_PX:
+        raise ValueError(
+            f"got a picture of {columns}x{rows} px, smaller than a kernel can use, expected sides of at "
+            f"least {MIN_MODEL_PX} px; take a larger one"
+        )
+    contrast = float(picture.reshape(-1, 3).std(axis=0).max())
+    if contrast < _LEAST_CONTRAST:
+        raise ValueError(
+            f"got a picture without texture (standard deviation {contrast:.1f} grey levels), expected at least "
+            f"{_LEAST_CONTRAST:g}; cut the picture so that the target fills it and shows its colours"
+        )
 
 
 def check_box(frame: np.ndarray, box: Box, angle_rad: float) -> None:

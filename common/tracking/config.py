@@ -74,10 +74,12 @@ class ParticleFilterConfig(Section, frozen=True, kw_only=True):
     """Factor on the random walks while the target is not seen: the cloud has to reach it, not to fill the picture."""
     predicted_rates: NonNegative = 0.6
     """Factor on the spread of the particles' own rates while the target is not seen."""
-    search_after_s: Positive = 1.0
-    """Time without sight of the target after which part of the particles is strewn over the picture, s."""
-    search: Annotated[float, msgspec.Meta(ge=0, le=0.9)] = 0.5
-    """That part; the others go on with the last known motion."""
+    reinitialise_after: Annotated[int, msgspec.Meta(ge=0)] = 16
+    """Pictures without the target after which the whole picture is searched for it; 0 leaves that to the operator."""
+    reinitialise_every: Annotated[int, msgspec.Meta(ge=1)] = 3
+    """The search is repeated every so many pictures."""
+    found_limit: Fraction = 0.45
+    """Largest distance at which a target known from a picture of it alone is taken as found."""
     lost_after_s: Positive = 3.0
     """Time without sight of the target after which it is called lost, s."""
 

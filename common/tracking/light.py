@@ -42,7 +42,7 @@ class Light:
         self.gain = np.ones(3)
         self._memory_s = memory_s
         self._jump = 0
-        self._scene = np.ones(3)
+        self._scene: np.ndarray | None = None
 
     def follow(self, model: HistogramModel, frame: np.ndarray, state: np.ndarray, stride: int, dt_s: float) -> None:
         """Move the gain to where the distance of the target's state (4,) is smallest."""
@@ -59,10 +59,10 @@ class Light:
         """Gains to try on a picture in which the target is not seen; others each time, until it is."""
         if self._memory_s == 0.0:
             return []
-        scene = self.gain * self._scene / _mean_colour(frame)
+        scene = [] if self._scene is None else [self.gain * self._scene / _mean_colour(frame)]
         chosen = [self.gain * _JUMPS[(self._jump + i) % len(_JUMPS)] for i in range(_TRIED_AT_ONCE)]
         self._jump += _TRIED_AT_ONCE
-        return [_bounded(gain) for gain in (scene, *chosen)]
+        return [_bounded(gain) for gain in (*scene, *chosen)]
 
 
 def _mean_colour(frame: np.ndarray) -> np.ndarray:

@@ -2,8 +2,9 @@
 
 What it adds to the paper, each for a reason given where it stands: bins placed for the target and a gain for the light
 (`common.tracking.colour`), one filtered velocity for all particles (`common.tracking.motion`), a weak prior on the
-size, a limit that follows the smallest distance slowly, and a search over the picture when the target stays away.
-Stamps are used as they are: the time between two pictures is never assumed.
+size, and a limit that follows the smallest distance slowly. When the target stays away for a number of pictures, the
+whole picture is searched for it (section II-E, `common.tracking.finder`). Stamps are used as they are: the time between
+two pictures is never assumed.
 """
 
 from __future__ import annotations
@@ -13,15 +14,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from common.tracking.base import Box, Expectation, TrackResult, TrackState, check_box, check_frame
+from common.tracking.base import Box, Expectation, TrackResult, TrackState, check_box, check_frame, check_picture
 from common.tracking.config import ParticleFilterConfig
+from common.tracking.finder import Found, Nearby, search
 from common.tracking.histogram import LAYOUTS, PSI, SCALE, HistogramModel, X, Y, learn_model
 from common.tracking.light import Light
 from common.tracking.motion import ConstantVelocity, MotionNoise, wrap_angle
 from common.tracking.particles import expected_state, likelihood_weights, systematic_resample
 
-_SEARCH_ANGLE_RAD = 0.6
-"""Spread of the searching particles' rotation when the search begins, rad; it grows in proportion to the time."""
+_REACH_1_S = 3.0
+"""How far the target may have come from where it is expected, target sizes for each second out of sight."""
 
 
 class ParticleFilterTracker:
@@ -38,33 +40,46 @@ class ParticleFilterTracker:
         self._config = config
         self._rng = rng
         self._model: HistogramModel | None = None
+        self._result: TrackResult | None = None
+        self.reinitialisations = 0
+        """How often it started on a place that a search of the whole picture found."""
 
     def init(self, frame: np.ndarray, box: Box, angle_rad: float = 0.0, t_ns: int | None = None) -> None:
         """Learn the reference histograms and spread the particles around the box (section II-C)."""
         check_frame(frame)
         check_box(frame, box, angle_rad)
-        config = self._config
         x, y, width, height = box
-        self._size_px = self._usual_size_px = size = math.sqrt(width * height)
-        self._unit = np.array([size, size, 1.0, 1.0 / size])  # what a relative noise of one is, in the state's units
-        state = np.array([x + width / 2, y + height / 2, wrap_angle(angle_rad), 1.0 / size])
-        self._model = learn_model(frame, state, height / width, LAYOUTS[config.kernels], config.backend)
-        self._stride = self._model.kernels.stride(state, config.kernel_pixels)
-        spread = np.array([config.start_position, config.start_position, config.start_angle, 0.02]) * self._unit
-        self._states = state + self._rng.normal(size=(config.particles, 4)) * spread
-        self._rates = np.zeros_like(self._states)
-        self._motion = self._new_motion(state)
-        self._light = Light(config.light_memory_s)
-        self._first_distances: list[float] = []
-        self._healthy_distance = config.limit_ceiling / config.limit_factor
-        self._expected: Expectation | None = None
-        self._unseen_s = 0.0
-        self._frame, self._t_ns = frame, t_ns
-        self._result = self._report(state, config.start_angle, 0.0)
+        state = np.array([x + width / 2, y + height / 2, wrap_angle(angle_rad), 1.0 / math.sqrt(width * height)])
+        self._learn(frame, state, height / width)
+        self._adopt_size(math.sqrt(width * height))
+        self._start(state, frame, t_ns)
+        self._result = self._report(state, self._config.start_angle, 0.0)
+
+    def learn(self, picture: np.ndarray) -> None:
+        """Learn the reference histograms from a picture that the target fills, upright; `find` then starts on it."""
+        check_picture(picture)
+        height, width = picture.shape[:2]
+        state = np.array([(width - 1) / 2, (height - 1) / 2, 0.0, 1.0 / math.sqrt(width * height)])
+        self._learn(picture, state, height / width)
+        self._result = None
+
+    def find(self, frame: np.ndarray, t_ns: int) -> bool:
+        """Search the whole picture, and start on what looks most like the target if that looks enough like it."""
+        check_frame(frame, None if self._result is None else self._frame.shape)
+        first = self._result is None
+        limit = self._config.found_limit if first else self._limit
+        tried = [self._search(frame, gain, None) for gain in (self._light.gain, *self._light.jumps(frame))]
+        best = min((f for f in tried if f is not None), key=lambda f: f.distance, default=None)
+        if best is None or best.distance > limit:
+            return False
+        if first:
+            self._adopt_size(1.0 / float(best.state[SCALE]))
+        self._start_on(best, frame, t_ns)
+        return True
 
     def update(self, frame: np.ndarray, t_ns: int) -> TrackResult:
         """Evolution, update and resampling of fig. 5, or critical mode (section II-D)."""
-        if self._model is None:
+        if self._model is None or self._result is None:
             raise ValueError("tracker: update before init; select a target first")
         check_frame(frame, self._frame.shape)
         if self._t_ns is not None and t_ns < self._t_ns:
@@ -88,6 +103,8 @@ class ParticleFilterTracker:
         else:
             mean, angle_std = self._unseen(dt_s)
         self._result = self._report(mean, angle_std, smallest)
+        if self._search_is_due:
+            self._reinitialise(frame, t_ns)
         return self._result
 
     def expect(self, expectation: Expectation) -> None:
@@ -101,20 +118,73 @@ class ParticleFilterTracker:
 
     def _recentre(self, expected: Expectation) -> None:
         """Move the coasting particles, as a cloud, to where the target is expected."""
-        coasting = self._states[self._strewn :]
+        coasting = self._states
         mean, _ = expected_state(coasting, np.full(len(coasting), 1 / len(coasting)))
         rows, columns = self._frame.shape[:2]
         x = min(max(expected.center_px[0], -self._size_px), columns + self._size_px)
         y = min(max(expected.center_px[1], -self._size_px), rows + self._size_px)
         coasting[:, : PSI + 1] += np.array([x, y, expected.angle_rad]) - mean[: PSI + 1]
         # What is left of the rates is how far the target may have changed its own motion: the cloud widens with time.
-        self._rates[self._strewn :] -= self._rates[self._strewn :].mean(axis=0)
+        self._rates -= self._rates.mean(axis=0)
+
+    def _learn(self, picture: np.ndarray, state: np.ndarray, aspect: float) -> None:
+        """Take what the picture shows at a state (4,) as the reference."""
+        config = self._config
+        self._model = learn_model(picture, state, aspect, LAYOUTS[config.kernels], config.backend)
+        self._light = Light(config.light_memory_s)
+        self._first_distances: list[float] = []
+        self._healthy_distance = config.limit_ceiling / config.limit_factor
+
+    def _adopt_size(self, size_px: float) -> None:
+        """Take a size (square root of the area) as the target's usual one."""
+        self._size_px = self._usual_size_px = size_px
+        self._unit = np.array([size_px, size_px, 1.0, 1.0 / size_px])  # a relative noise of one, in the state's units
+
+    def _start(self, state: np.ndarray, frame: np.ndarray, t_ns: int | None) -> None:
+        """Spread the particles around a state (4,), at rest."""
+        config = self._config
+        spread = np.array([config.start_position, config.start_position, config.start_angle, 0.02]) * self._unit
+        self._states = state + self._rng.normal(size=(config.particles, 4)) * spread
+        self._rates = np.zeros_like(self._states)
+        self._motion = self._new_motion(state)
+        if self._model is not None:
+            self._stride = self._model.kernels.stride(state, config.kernel_pixels)
+        self._expected: Expectation | None = None
+        self._unseen_s, self._unseen_frames = 0.0, 0
+        self._frame, self._t_ns = frame, t_ns
+
+    def _start_on(self, found: Found, frame: np.ndarray, t_ns: int) -> None:
+        """Start anew where a search found the target."""
+        self._light.gain = found.gain
+        self._start(found.state, frame, t_ns)
+        self.reinitialisations += 1
+        report = self._report(found.state, self._config.start_angle, found.distance)
+        self._result = replace(report, reinitialised=True)
 
     @property
-    def _strewn(self) -> int:
-        """Number of particles that search the whole picture."""
-        searching = self._unseen_s > self._config.search_after_s
-        return int(self._config.search * len(self._states)) if searching else 0
+    def _search_is_due(self) -> bool:
+        """Whether this picture without the target is one after which the whole picture is searched."""
+        after, every = self._config.reinitialise_after, self._config.reinitialise_every
+        return 0 < after <= self._unseen_frames and (self._unseen_frames - after) % every == 0
+
+    def _reinitialise(self, frame: np.ndarray, t_ns: int) -> None:
+        """Search the whole picture under one of the gains that may undo the light, another one each time."""
+        expected = self._result
+        if expected is None:
+            return
+        gains = (self._light.gain, *self._light.jumps(frame))
+        turn = (self._unseen_frames - self._config.reinitialise_after) // self._config.reinitialise_every
+        nearby = Nearby(expected.center_px, self._usual_size_px * (1.0 + _REACH_1_S * self._unseen_s))
+        found = self._search(frame, gains[turn % len(gains)], nearby)
+        if found is not None and found.cost <= self._limit:
+            self._start_on(found, frame, t_ns)
+
+    def _search(self, frame: np.ndarray, gain: np.ndarray, nearby: Nearby | None) -> Found | None:
+        """The most likely place in the whole picture; of the usual size, once there is one."""
+        if self._model is None:
+            raise ValueError("tracker: search before init; show it the target first")
+        size_px = None if self._result is None else self._usual_size_px
+        return search(frame, self._model, gain, self._rng, size_px, nearby)
 
     def _distances(self, model: HistogramModel) -> np.ndarray:
         """Distances (N,) under the light in force, or under another that finds the target when that one does not."""
@@ -191,11 +261,8 @@ class ParticleFilterTracker:
         # learn from that, so the closer to the limit, the less it does.
         margin = max(self._limit - self._healthy_distance, 1e-6)
         confidence = min(1.0, max(0.05, 1.0 - (smallest - self._healthy_distance) / margin))
-        if self._unseen_s > config.search_after_s:
-            self._motion = self._new_motion(mean)  # found somewhere else: the old velocity says nothing
-        else:
-            self._motion.correct(mean, confidence)
-        self._unseen_s = 0.0
+        self._motion.correct(mean, confidence)
+        self._unseen_s, self._unseen_frames = 0.0, 0
         self._healthy_distance += (1 - math.exp(-dt_s / config.limit_memory_s)) * (smallest - self._healthy_distance)
         if self._model is not None:
             self._stride = self._model.kernels.stride(mean, config.kernel_pixels)
@@ -214,21 +281,8 @@ class ParticleFilterTracker:
             spread = config.predicted_rates * self._motion.rate_std
             self._rates = self._motion.rate + self._rng.normal(size=(count, 4)) * spread
         self._unseen_s += dt_s
-        coasting = self._states[self._strewn :]
-        mean, angle_std = expected_state(coasting, np.full(len(coasting), 1 / len(coasting)))
-        if self._strewn:
-            self._strew(self._strewn, mean[PSI])
-        return mean, angle_std
-
-    def _strew(self, count: int, angle_rad: float) -> None:
-        """Put the first particles anywhere in the picture for the next update."""
-        rows, columns = self._frame.shape[:2]
-        self._states[:count, X] = self._rng.random(count) * columns
-        self._states[:count, Y] = self._rng.random(count) * rows
-        # The longer it was out of sight, the less its last heading says.
-        doubt_rad = _SEARCH_ANGLE_RAD * self._unseen_s / self._config.search_after_s
-        self._states[:count, PSI] = angle_rad + doubt_rad * self._rng.normal(size=count)
-        self._rates[:count] = 0.0
+        self._unseen_frames += 1
+        return expected_state(self._states, np.full(count, 1 / count))
 
     def _report(self, mean: np.ndarray, angle_std_rad: float, smallest: float) -> TrackResult:
         state: TrackState = "tracking"

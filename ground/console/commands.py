@@ -43,13 +43,15 @@ LAND = Action("Land", ("helm/do/land",), Icon.PLANE_ARRIVAL)
 START_CHASE = Action("Start chase", ("helm/do/chase",), Icon.FOCUS_2)
 # First the vehicle stands, then the tracker forgets: the other way round it would fly on with no target.
 STOP_CHASE = Action("Stop chase", ("helm/do/hold", "pursuit/do/stop"), Icon.TARGET_OFF)
+FIND = Action("Find target", ("pursuit/do/find",), Icon.PHOTO_SEARCH, ButtonLook(height_px=34))
+FIND_AGAIN = Action("Find again", ("pursuit/do/reinitialise",), Icon.ZOOM_REPLACE, ButtonLook(height_px=34))
 RETURN = Action("Return", ("helm/do/return",), Icon.HOME)
 ENGAGE = Action("Engage", ("helm/do/engage",), Icon.STEERING_WHEEL)
 ARM = Action("Arm", ("helm/do/arm",), Icon.LOCK_OPEN, ButtonLook(height_px=34))
 DISARM = Action("Disarm", ("helm/do/disarm",), Icon.LOCK, ButtonLook(height_px=34))
 SELECT = Action("Choose target", ("pursuit/do/select",), Icon.MARQUEE_2)
 
-BUTTONS = (HOLD, TAKE_OFF, LAND, START_CHASE, STOP_CHASE, RETURN, ENGAGE, ARM, DISARM)
+BUTTONS = (HOLD, TAKE_OFF, LAND, START_CHASE, STOP_CHASE, FIND, FIND_AGAIN, RETURN, ENGAGE, ARM, DISARM)
 """Buttons of the page, in reading order."""
 
 

@@ -55,6 +55,9 @@ class PursuitConfig(Section, frozen=True, kw_only=True):
     """Standard deviation of the target's measured position, m."""
     tracker: str = "particle_filter"
     """Name of the tracker."""
+    model: str = ""
+    """Picture of the target, for `outrider do find`: an image file that the target fills, with its front at the top;
+    empty: there is none, and the target is chosen by a box."""
     seed: int = 1
     """Seed of the tracker's randomness."""
     history_s: Positive = 1.5

@@ -145,6 +145,11 @@ class ChaseLaw:
         self._last: tuple[Pose, int] | None = None
         self._unseen_since_ns: int | None = None
 
+    def retarget(self) -> None:
+        """Forget how the target moves: it was found again, perhaps elsewhere. What is flown changes smoothly."""
+        self._target.reset()
+        self._unseen_since_ns = None
+
     def follow(self, view: View, pose: Pose, t_ns: int, angle_std_rad: float) -> Wish:
         """What to fly for a target that was seen in the picture captured at `t_ns`."""
         self._unseen_since_ns = None

@@ -15,6 +15,7 @@ from common.geometry.camera import Camera
 from common.geometry.rotation import euler_from_quat
 from common.messages import CameraInfo, Image, Reply, Request, Track, VehicleState
 from common.node import CommandCall, Inputs, Node, On, Output
+from common.tracking.model_picture import read_model
 from common.tracking.registry import make_tracker, tracker_class
 from ground.pursuit.config import PursuitConfig
 from ground.pursuit.control import Pose, Wish
@@ -30,12 +31,12 @@ class PursuitNode(Node):
     """Tracks the selected target in each picture and asks helm for the motion that keeps it below the vehicle.
 
     Raises:
-        ConfigError: unknown tracker.
+        ConfigError: unknown tracker, or a picture of the target that cannot serve.
     """
 
     inputs = (_PICTURES, "camera/down/info", "helm/state")
     outputs = ("pursuit/track", "helm/request/pursuit")
-    commands = ("pursuit/do/select", "pursuit/do/stop")
+    commands = ("pursuit/do/select", "pursuit/do/find", "pursuit/do/reinitialise", "pursuit/do/stop")
     trigger = On((_PICTURES,))
 
     def __init__(self, config: Config, name: str):
@@ -46,6 +47,7 @@ class PursuitNode(Node):
         self._pursuer = Pursuer(
             section, lambda: make_tracker(section.tracker, config, np.random.default_rng(section.seed))
         )
+        self._model = read_model(section.model, "pursuit.model") if section.model else None
         self._camera: Camera | None = None
         self._camera_info: CameraInfo | None = None
         self._states = StateHistory(section.history_s)
@@ -68,6 +70,8 @@ class PursuitNode(Node):
         frame = self._decoded(received.message.data)
         if frame is None:
             return ()
+        if self._pursuer.seeking:
+            return [Output("pursuit/track", Track(state="idle", reason=self._sought(frame, capture_ns)), capture_ns)]
         pose, why_not = self._states.pose(capture_ns)
         if self._camera is None:
             why_not = "no calibration of the camera"
@@ -83,17 +87,59 @@ class PursuitNode(Node):
         return _outputs(pursued, capture_ns, pose, why_not)
 
     def on_command(self, call: CommandCall, inputs: Inputs, t_ns: int) -> Iterable[Output]:
-        """`select` a target by its box, or `stop`."""
-        if call.name == "pursuit/do/stop":
-            self._pursuer.drop()
-            call.reply(Reply(outcome="done"))
-        else:
-            call.reply(self._select(call))
+        """`select` a target by its box, `find` it by its picture, `reinitialise` on it, or `stop`."""
+        answers = {"select": self._select, "find": self._find, "reinitialise": self._reinitialise, "stop": self._stop}
+        call.reply(answers[call.name.split("/")[-1]](call))
         return ()
 
     def metrics(self) -> dict[str, float]:
-        """Pictures that could not be decoded, and those that came after a newer one."""
-        return {"corrupt_pictures": float(self._corrupt), "late_pictures": float(self._late)}
+        """Pictures that could not be decoded, those that came after a newer one, and how often a search found it."""
+        return {
+            "corrupt_pictures": float(self._corrupt),
+            "late_pictures": float(self._late),
+            "reinitialisations": float(self._pursuer.reinitialisations),
+        }
+
+    def _stop(self, call: CommandCall) -> Reply:
+        self._pursuer.drop()
+        return Reply(outcome="done")
+
+    def _find(self, call: CommandCall) -> Reply:
+        if self._model is None:
+            return Reply(
+                outcome="refused",
+                reason="find: got no picture of the target; set pursuit.model to an image file, or choose it by a box",
+            )
+        try:
+            self._pursuer.seek(self._model)
+        except ValueError as error:
+            return Reply(outcome="refused", reason=f"find: {error}")
+        return Reply(outcome="done", reason="searching; the track says when it is found")
+
+    def _sought(self, frame: np.ndarray, capture_ns: int) -> str:
+        """Look for the target of the model's picture in this one; what came of it, for the operator."""
+        if not self._pursuer.find(frame, capture_ns):
+            return "searching: nothing in this picture looks enough like the target"
+        log.info("the target is found")
+        return "found the target; it is tracked from the next picture on"
+
+    def _reinitialise(self, call: CommandCall) -> Reply:
+        if not self._pursuer.active:
+            return Reply(outcome="refused", reason="reinitialise: got no target; choose one by a box, or find it")
+        frame = self._decoded(self._pictures[-1][1]) if self._pictures else None
+        if frame is None:
+            return Reply(outcome="failed", reason="reinitialise: no picture that can be decoded; is the link up?")
+        try:
+            found = self._pursuer.find(frame, self._pictures[-1][0])
+        except ValueError as error:
+            return Reply(outcome="refused", reason=f"reinitialise: {error}")
+        if not found:
+            return Reply(
+                outcome="failed",
+                reason="reinitialise: nothing in the picture looks enough like the target; turn or climb until it is "
+                "in view, or draw a new box",
+            )
+        return Reply(outcome="done")
 
     def _select(self, call: CommandCall) -> Reply:
         box, wanted_ns = call.command.box_px, call.command.capture_ns

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from common.geometry.camera import Camera
-from common.tracking.base import Box, Tracker, TrackResult
+from common.tracking.base import Box, SearchingTracker, Tracker, TrackResult
 from ground.pursuit.config import PursuitConfig
 from ground.pursuit.control import ChaseLaw, Pose, View, Wish, look
 
@@ -43,12 +43,55 @@ class Pursuer:
         self._make_tracker = make_tracker
         self._law = ChaseLaw(config)
         self._tracker: Tracker | None = None
+        self._seeking = False
         self._newest_ns = 0
 
     @property
     def active(self) -> bool:
         """Whether there is a target."""
         return self._tracker is not None
+
+    @property
+    def seeking(self) -> bool:
+        """Whether the target is known from a picture of it alone, and not found yet."""
+        return self._seeking
+
+    @property
+    def reinitialisations(self) -> int:
+        """How often a search of the whole picture found this target."""
+        return self._tracker.reinitialisations if isinstance(self._tracker, SearchingTracker) else 0
+
+    def seek(self, model: np.ndarray) -> None:
+        """Take what a picture shows, (H, W, 3) uint8 BGR, as the target: filled by it, its front at the top.
+
+        `find` then looks for it.
+
+        Raises:
+            ValueError: a picture that cannot serve, or a tracker that cannot search.
+        """
+        tracker = _searching(self._make_tracker())
+        tracker.learn(model)
+        self.drop()
+        self._tracker, self._seeking = tracker, True
+
+    def find(self, frame: np.ndarray, capture_ns: int) -> bool:
+        """Search a whole picture for the target; True when the tracker starts anew on what it found.
+
+        Args:
+            frame: picture, (H, W, 3) uint8 BGR.
+            capture_ns: its stamp, ns.
+
+        Raises:
+            ValueError: there is no target, the tracker cannot search, or the picture's size has changed.
+        """
+        if self._tracker is None:
+            raise ValueError("got no target to search for; choose one first")
+        if not _searching(self._tracker).find(frame, capture_ns):
+            return False
+        self._seeking = False
+        self._newest_ns = capture_ns
+        self._law.retarget()
+        return True
 
     def select(self, frame: np.ndarray, box: Box, angle_rad: float, capture_ns: int) -> None:
         """Take what the picture shows in a box as the target.
@@ -65,11 +108,12 @@ class Pursuer:
         tracker = self._make_tracker()
         tracker.init(frame, box, angle_rad, capture_ns)
         self._tracker, self._newest_ns = tracker, capture_ns
+        self._seeking = False
         self._law.reset()
 
     def drop(self) -> None:
         """Forget the target."""
-        self._tracker = None
+        self._tracker, self._seeking = None, False
         self._law.reset()
 
     def step(self, frame: np.ndarray, capture_ns: int, camera: Camera | None, pose: Pose | None) -> Pursued | None:
@@ -98,9 +142,17 @@ class Pursuer:
         if expected is not None:
             self._tracker.expect(expected)
         result = self._tracker.update(frame, capture_ns)
+        if result.reinitialised:
+            self._law.retarget()
         view = look(camera, pose, result.center_px, result.angle_rad, self._config.target_height_m)
         if result.state == "tracking" and view is not None and not result.repeated:
             wish = self._law.follow(view, pose, capture_ns, result.angle_std_rad)
         else:
             wish = self._law.coast(pose, capture_ns)
         return Pursued(result, view, wish)
+
+
+def _searching(tracker: Tracker) -> SearchingTracker:
+    if not isinstance(tracker, SearchingTracker):
+        raise ValueError(f"{type(tracker).__name__} cannot search a whole picture; choose the target by a box")
+    return tracker

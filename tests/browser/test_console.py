@@ -94,6 +94,8 @@ def test_buttons_give_their_commands(view: View, vehicle: ScriptedVehicle) -> No
         ("Engage", ["helm/do/engage"]),
         ("Start chase", ["helm/do/chase"]),
         ("Stop chase", ["helm/do/hold", "pursuit/do/stop"]),
+        ("Find target", ["pursuit/do/find"]),
+        ("Find again", ["pursuit/do/reinitialise"]),
         ("Disarm", ["helm/do/disarm"]),
         ("Take off", ["helm/do/takeoff"]),
     ):

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
 
-from benchmarks.painted_scene import Scene, straight
+from benchmarks.painted_scene import Scene, car_picture, straight
 from common.config import Config, ConfigError
 from common.geometry.config import CameraConfig
 from common.messages import Command, Image, Request, Track, VehicleState
@@ -41,8 +43,8 @@ def _state() -> VehicleState:
 class Scripted:
     """A node, its pictures, and the time."""
 
-    def __init__(self, with_state: bool = True):
-        self.run = ScriptedRun(PursuitNode(Config({}, SECTIONS), "pursuit"))
+    def __init__(self, with_state: bool = True, **pursuit: object):
+        self.run = ScriptedRun(PursuitNode(Config({"pursuit": pursuit}, SECTIONS), "pursuit"))
         self.frames = iter(Scene(straight(60.0, y_px=180.0, start_px=300.0), seed=2).frames(5.0))
         self.with_state = with_state
         self.now_ns = 10_000 * MS
@@ -171,3 +173,76 @@ def test_repeated_picture_says_so_and_is_coasted_through() -> None:
 def test_unknown_tracker_is_refused_at_the_start() -> None:
     with pytest.raises(ConfigError, match="did you mean 'particle_filter'"):
         PursuitNode(Config({"pursuit": {"tracker": "particel_filter"}}, SECTIONS), "pursuit")
+
+
+@pytest.fixture
+def model_file(tmp_path: Path) -> str:
+    path = tmp_path / "car.png"
+    cv2.imwrite(str(path), car_picture())
+    return str(path)
+
+
+def test_target_is_found_by_its_picture_without_a_box(model_file: str) -> None:
+    scripted = Scripted(model=model_file)
+    scripted.picture()
+    assert scripted.do("pursuit/do/find", Command()).startswith("done: searching")
+    assert _track(scripted.picture()).reason.startswith("found the target")
+    for _ in range(10):
+        outputs = scripted.picture()
+    assert _track(outputs).state == "tracking"
+    assert abs(_track(outputs).x_px - (scripted.box[0] + 48)) < 10
+    assert "helm/request/pursuit" in outputs
+    assert scripted.run.node.metrics()["reinitialisations"] == 1
+
+
+def test_search_goes_on_until_the_target_is_there(model_file: str) -> None:
+    scripted = Scripted(model=model_file)
+    scripted.picture()
+    scripted.do("pursuit/do/find", Command())
+    empty = _jpeg(np.full((480, 640, 3), (95, 120, 110), np.uint8)).data
+    for _ in range(3):
+        track = _track(scripted.picture(empty))
+        assert track.state == "idle"
+        assert track.reason.startswith("searching")
+    scripted.picture()
+    assert _track(scripted.picture()).state == "tracking"
+
+
+def test_find_without_a_picture_of_the_target_is_refused() -> None:
+    scripted = Scripted()
+    scripted.picture()
+    assert "refused: find: got no picture of the target" in scripted.do("pursuit/do/find", Command())
+
+
+def test_operator_has_the_whole_picture_searched() -> None:
+    scripted = Scripted()
+    assert scripted.do("pursuit/do/reinitialise", Command()).startswith("refused: reinitialise: got no target")
+    scripted.picture()
+    x_px = scripted.box[0] + 48
+    scripted.do("pursuit/do/select", Command(box_px=scripted.box))
+    scripted.picture()
+    assert scripted.do("pursuit/do/reinitialise", Command()) == "done: "
+    track = _track(scripted.picture())
+    assert track.state == "tracking"
+    assert abs(track.x_px - x_px) < 12
+    assert scripted.run.node.metrics()["reinitialisations"] == 1
+    scripted.picture(_jpeg(np.full((480, 640, 3), (95, 120, 110), np.uint8)).data)
+    assert scripted.do("pursuit/do/reinitialise", Command()).startswith("failed: reinitialise: nothing in the picture")
+
+
+@pytest.mark.parametrize(
+    ("picture", "words"),
+    [
+        (None, "expected an image file"),
+        (np.full((40, 80, 3), 90, np.uint8), "without texture"),
+        (car_picture()[:8, :8], "smaller than a kernel"),
+    ],
+)
+def test_bad_picture_of_the_target_is_refused_at_the_start(
+    tmp_path: Path, picture: np.ndarray | None, words: str
+) -> None:
+    path = tmp_path / "model.png"
+    if picture is not None:
+        cv2.imwrite(str(path), picture)
+    with pytest.raises(ConfigError, match=words):
+        Scripted(model=str(path))

@@ -99,6 +99,65 @@ def test_look_alike_beside_the_path_does_not_take_over() -> None:
     assert np.max(_errors_px(results[10:])) < 20.0
 
 
+def test_target_that_returns_elsewhere_is_found_again() -> None:
+    """It drives out at the right, and comes back two seconds later at the top, turned and with a look-alike about."""
+
+    def path(t_s: float) -> Pose:
+        return Pose(500.0 + 200.0 * t_s, 350.0) if t_s < 2.0 else Pose(150.0, 20.0 + 90.0 * (t_s - 2.0), math.pi / 2)
+
+    def parked(frame: np.ndarray, t_s: float) -> None:
+        paint(frame, car_picture((40, 110, 150)), Pose(520.0, 120.0))
+
+    results = _run(Scene(path, seed=3, decorate=parked), 4.0)
+    assert any(r.state != "tracking" for t, r, _ in results if 1.2 < t < 2.0)
+    assert sum(r.reinitialised for _, r, _ in results) == 1
+    after = [entry for entry in results if entry[0] > 3.0]
+    assert all(r.state == "tracking" for _, r, _ in after)
+    assert np.max(_errors_px(after)) < 20.0
+    assert abs(math.remainder(after[-1][1].angle_rad - math.pi / 2, 2 * math.pi)) < 0.3
+
+
+def test_no_search_when_it_is_switched_off() -> None:
+    config = ParticleFilterConfig(reinitialise_after=0)
+    tracker = ParticleFilterTracker(config, np.random.default_rng(1))
+    scene = Scene(lambda t_s: Pose(300.0 if t_s < 1.0 else 900.0, 240.0), seed=3)
+    for index, (t_ns, frame, pose) in enumerate(scene.frames(3.0)):
+        if index == 0:
+            tracker.init(frame, pose.box(), pose.angle_rad, t_ns)
+        else:
+            result = tracker.update(frame, t_ns)
+    assert result.state == "predicted"
+    assert tracker.reinitialisations == 0
+
+
+def test_learnt_from_a_picture_it_finds_and_follows() -> None:
+    tracker = ParticleFilterTracker(ParticleFilterConfig(), np.random.default_rng(1))
+    tracker.learn(car_picture())
+    with pytest.raises(ValueError, match="update before init"):
+        tracker.update(np.zeros((480, 640, 3), np.uint8), 0)
+    assert not tracker.find(np.full((480, 640, 3), (95, 120, 110), np.uint8), 0)
+    results = []
+    for index, (t_ns, frame, pose) in enumerate(Scene(straight(120.0), seed=2).frames(2.0)):
+        if index == 0:
+            assert tracker.find(frame, t_ns)
+        else:
+            results.append((t_ns / 1e9, tracker.update(frame, t_ns), pose))
+    assert all(r.state == "tracking" for _, r, _ in results)
+    assert np.median(_errors_px(results)) < 8.0
+
+
+def test_both_forms_search_alike() -> None:
+    frame = next(Scene(straight(120.0, start_px=300.0), seed=2).frames(0.05))[1]
+    found = []
+    for backend in ("compiled", "numpy"):
+        tracker = ParticleFilterTracker(ParticleFilterConfig(backend=backend), np.random.default_rng(1))
+        tracker.init(frame, (252.0, 216.0, 96.0, 48.0))
+        assert tracker.find(frame, 50_000_000)
+        found.append(tracker._result)
+    assert found[0].center_px == pytest.approx(found[1].center_px, abs=1e-6)
+    assert found[0].angle_rad == pytest.approx(found[1].angle_rad, abs=1e-6)
+
+
 @pytest.mark.slow
 def test_target_that_leaves_is_lost() -> None:
     results = _run(Scene(lambda t_s: Pose(400.0 + 200.0 * t_s, 240.0), seed=8), 6.0)
