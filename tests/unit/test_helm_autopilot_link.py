@@ -16,11 +16,13 @@ import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
 from common.config import Config, ConfigError
-from common.messages import Command, HelmStatus, Request, Setpoint, Track, VehicleState
-from common.node import CommandCall, ScriptedRun
+from common.messages import Command, HelmStatus, Request
+from common.node import ScriptedRun
 from onboard.helm.autopilot_link import AutopilotLink
 from onboard.helm.node import HelmNode
-from tests.unit.helm_double import INFO, SECTIONS
+from tests.unit.autopilot_rig import free_ports
+from tests.unit.helm_double import SECTIONS
+from tests.unit.helm_rig import HelmRig
 
 _ROOT = Path(__file__).parents[2]
 _AUTOPILOT = """
@@ -36,64 +38,13 @@ sys.exit(run(Config({"autopilot": links}, {"autopilot": "simulation.autopilot.co
 """
 
 
-def _free_ports(count: int) -> list[int]:
-    sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(count)]
-    try:
-        for s in sockets:
-            s.bind(("127.0.0.1", 0))
-        return [s.getsockname()[1] for s in sockets]
-    finally:
-        for s in sockets:
-            s.close()
-
-
-class Flight:
+class Flight(HelmRig):
     """A helm node on a simulated autopilot in a process of its own."""
 
     def __init__(self, ports: list[int]):
         self.ground_port = ports[2]
         self.autopilot = subprocess.Popen([sys.executable, "-c", _AUTOPILOT, *map(str, ports)], cwd=_ROOT)
-        url = f"udpin://127.0.0.1:{ports[1]}"
-        self.node = HelmNode(Config({"helm": {"autopilot_url": url, "takeoff_height_m": 3.0}}, SECTIONS), "helm")
-        self.run = ScriptedRun(self.node)
-        self.states: list[tuple[int, int, VehicleState]] = []
-        self.setpoint_times: list[float] = []
-        self.status: HelmStatus | None = None
-        self.request: Request | None = None
-
-    @property
-    def state(self) -> str:
-        return self.node.flight.state.value
-
-    def step(self) -> None:
-        t_ns = time.monotonic_ns()
-        self.run.feed("camera/down/info", INFO, t_ns)
-        if self.request is not None:
-            self.run.feed("helm/request/pursuit", self.request, t_ns)
-            self.run.feed("pursuit/track", Track(state="tracking"), t_ns)
-        for output in self.run.step(time.monotonic_ns()):
-            if isinstance(output.message, VehicleState) and output.capture_ns is not None:
-                self.states.append((time.monotonic_ns(), output.capture_ns, output.message))
-            elif isinstance(output.message, Setpoint):
-                self.setpoint_times.append(time.monotonic())
-            elif isinstance(output.message, HelmStatus):
-                self.status = output.message
-        time.sleep(max(0.0, 0.02 - (time.monotonic_ns() - t_ns) / 1e9))
-
-    def go(self, seconds: float, until=None) -> bool:
-        end = time.monotonic() + seconds
-        while time.monotonic() < end:
-            self.step()
-            if until is not None and until():
-                return True
-        return until is None
-
-    def call(self, name: str) -> CommandCall:
-        call, _ = self.run.call(f"helm/do/{name}", Command(), time.monotonic_ns())
-        return call
-
-    def gate_open(self) -> bool:
-        return self.status is not None and bool(self.status.preflight) and all(i.ok for i in self.status.preflight)
+        super().__init__(ports[1], takeoff_height_m=3.0)
 
     def command_hold_from_the_ground(self) -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ground:
@@ -106,7 +57,7 @@ class Flight:
                 ground.sendto(message.pack(link), ("127.0.0.1", self.ground_port))
 
     def close(self) -> None:
-        self.node.close()
+        super().close()
         os.kill(self.autopilot.pid, signal.SIGCONT)
         self.autopilot.terminate()
         self.autopilot.wait(10)
@@ -114,7 +65,7 @@ class Flight:
 
 @pytest.fixture(scope="module")
 def flight() -> Iterator[Flight]:
-    flight = Flight(_free_ports(6))
+    flight = Flight(free_ports(6))
     try:
         yield flight
     finally:
@@ -194,7 +145,7 @@ def test_an_address_that_cannot_be_opened_is_said_at_once():
 
 
 def test_without_an_autopilot_helm_goes_on_and_ends_quickly():
-    port = _free_ports(1)[0]
+    port = free_ports(1)[0]
     node = HelmNode(Config({"helm": {"autopilot_url": f"udpin://127.0.0.1:{port}"}}, SECTIONS), "helm")
     run = ScriptedRun(node)
     outputs = run.step(time.monotonic_ns())
