@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import math
 import sys
 from collections.abc import Sequence
 
@@ -91,6 +93,7 @@ def _parser() -> argparse.ArgumentParser:
 
     _add_do(sub)
     _add_topics(sub)
+    _add_preflight(sub)
     _add_demo(sub)
     sub.add_parser("bench", help="Run a benchmark", add_help=False)  # reads its arguments itself, -h among them
     return parser
@@ -123,6 +126,26 @@ def _add_topics(sub: argparse._SubParsersAction) -> None:
     parser.add_argument("--count", type=int, default=0, help="echo: stop after so many messages (default: never)")
     parser.add_argument("--side", choices=("onboard", "ground"), default="ground", help="whose router to use")
     _add_config(parser)
+
+
+def _add_preflight(sub: argparse._SubParsersAction) -> None:
+    parser = sub.add_parser(
+        "preflight",
+        help="Show whether helm would arm, and why not",
+        description="Print helm's gate, each check with what was found and what to do; exit code 0 when it is open, "
+        "1 when it is closed, 2 when no helm answers.",
+    )
+    parser.add_argument("--wait", type=_seconds, default=0.0, metavar="S", help="wait so long for the gate to open")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.add_argument("--side", choices=("onboard", "ground"), default="ground", help="whose router to use")
+    _add_config(parser)
+
+
+def _seconds(text: str) -> float:
+    with contextlib.suppress(ValueError):
+        if 0.0 <= (value := float(text)) < math.inf:
+            return value
+    raise argparse.ArgumentTypeError(f"got {text!r}, expected seconds, 0 or more")
 
 
 def _add_demo(sub: argparse._SubParsersAction) -> None:
@@ -190,6 +213,14 @@ def _run_topics(args: argparse.Namespace) -> int:
     return 0
 
 
+def _run_preflight(args: argparse.Namespace) -> int:
+    from common import preflight_tool
+
+    config = load_config(args.config, args.overrides).section(BusConfig)
+    with Bus(config, args.side, "cli", wait_s=max(3.0, args.wait)) as bus:
+        return preflight_tool.preflight(bus, args.wait, args.json)
+
+
 def _run_demo(args: argparse.Namespace) -> int:
     return load_object("simulation.demo.run:main")(args)
 
@@ -205,6 +236,7 @@ _ACTIONS = {
     "node": _run_node,
     "do": _run_do,
     "topics": _run_topics,
+    "preflight": _run_preflight,
     "demo": _run_demo,
     "bench": _run_bench,
 }

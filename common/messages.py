@@ -179,7 +179,12 @@ class PreflightItem(Message, frozen=True, kw_only=True):
     ok: bool
     """Whether it lets the vehicle fly."""
     detail: str
-    """What was found, what was expected, what to do."""
+    """What was found and expected; when that is not right, `; ` and what to do."""
+
+    def found_and_cure(self) -> tuple[str, str]:
+        """The two halves of `detail`; the second is empty when there is nothing to do."""
+        found, _, cure = (self.detail, "", "") if self.ok else self.detail.partition("; ")
+        return found, cure
 
 
 class HelmStatus(Message, frozen=True, kw_only=True):

@@ -7,6 +7,7 @@ never sees the bus: it gets what is newest, says what goes out, and the framewor
 from __future__ import annotations
 
 import threading
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -201,7 +202,7 @@ class Inputs:
         return tuple(self._consumed.values())
 
 
-class Node:
+class Node(ABC):
     """Base of every node. Subclasses set the declarations and `step`.
 
     The runner gives it three functions of the bus: `has_reader(topic)`, whether anyone reads an output; `query(command,
@@ -231,9 +232,9 @@ class Node:
         self.query: Callable[[str, Command], Reply] = _nobody_answers
         self.alive: Callable[[], dict[str, list[int]]] = dict
 
+    @abstractmethod
     def step(self, inputs: Inputs, t_ns: int) -> Iterable[Output]:
         """One step at a time (monotonic, ns): what goes out."""
-        raise NotImplementedError(f"{type(self).__name__} has no step")
 
     def on_command(self, call: CommandCall, inputs: Inputs, t_ns: int) -> Iterable[Output]:
         """A command arrived; runs in the thread of `step`. Reply now, or keep the call and reply later."""
@@ -244,7 +245,7 @@ class Node:
         """Figures for the health message."""
         return {}
 
-    def close(self) -> None:
+    def close(self) -> None:  # noqa: B027  most nodes hold nothing
         """Release devices, threads and files."""
 
 

@@ -129,18 +129,25 @@ def where(forward_m: float, right_m: float) -> str:
 
 
 def checks_html(view: Snapshot) -> str:
-    """The preflight gate, item by item."""
+    """The preflight gate: open or not, then each check with what was found and what to do; failing ones first."""
     status = view.status
     if status is None or not status.preflight:
         return card('<div class="why">No preflight list from helm yet.</div>')
+    if not view.fresh(STATUS):
+        head = '<div class="gate"><b class="o">This list is old: no word from helm.</b></div>'
+    elif failing := sum(not item.ok for item in status.preflight):
+        head = f'<div class="gate"><b class="r">Gate closed</b>: {failing} of {len(status.preflight)} checks fail</div>'
+    else:
+        head = f'<div class="gate"><b class="g">Gate open</b>: all {len(status.preflight)} checks pass</div>'
     items = []
     for item in sorted(status.preflight, key=lambda i: i.ok):
         mark = '<b class="g">✓</b>' if item.ok else '<b class="r">✗</b>'
+        found, cure = item.found_and_cure()
+        to_do = f'<small class="do">{escape(cure[:1].upper() + cure[1:])}</small>' if cure else ""
         items.append(
-            f'<div class="ck">{mark}<span>{escape(item.name)}</span><small>{escape(item.detail)}</small></div>'
+            f'<div class="ck">{mark}<span>{escape(item.name)}</span><small>{escape(found)}</small>{to_do}</div>'
         )
-    old = "" if view.fresh(STATUS) else '<div class="why o">This list is old: no word from helm.</div>'
-    return card(old + "".join(items))
+    return card(head + "".join(items))
 
 
 def nodes_html(view: Snapshot, nodes: tuple[str, ...], picture_rate_hz: float) -> str:

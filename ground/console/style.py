@@ -48,6 +48,8 @@ _SHEET = """
 .or .ck{display:grid;grid-template-columns:20px 1fr;gap:2px 4px;font-size:12px;padding:3px 0;
   border-top:1px solid #2b313a}
 .or .ck small{color:#aab3bd;font-size:12px;grid-column:2}
+.or .ck small.do{color:#ffd08a}
+.or .gate{font-size:13px;padding:2px 0 6px}
 .or .last{border-radius:7px;background:#22272e;padding:6px 10px;font-size:13px;border-left:4px solid #8b949e}
 .or .last.g{border-color:#3ddc84;color:#e6edf3}.or .last.o{border-color:#ff9f1c;color:#e6edf3}
 .or .last.r{border-color:#ff5a52;color:#e6edf3}.or .last.b{border-color:#4aa8ff;color:#e6edf3}

@@ -6,7 +6,7 @@ import pytest
 
 from common.cli import main
 
-COMMANDS = ("sim", "onboard", "ground", "node", "do", "topics", "demo", "bench")
+COMMANDS = ("sim", "onboard", "ground", "node", "do", "topics", "preflight", "demo", "bench")
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -24,6 +24,8 @@ def test_every_command_has_help(command: str, flag: str, capsys: pytest.CaptureF
     [
         (["demo", "--hedless"], "unrecognized arguments: --hedless"),
         (["bench", "latency", "--quik"], "unrecognized arguments: --quik"),
+        (["preflight", "--wait", "-1"], "expected seconds, 0 or more"),
+        (["preflight", "--wait", "long"], "got 'long', expected seconds"),
         (["fly"], "invalid choice: 'fly'"),
     ],
 )

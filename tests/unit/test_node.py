@@ -216,3 +216,11 @@ def test_a_message_wakes_whoever_waits_for_it() -> None:
     with store.condition:
         assert not store.fresh(["pursuit/track"])
         assert store.fresh(["session"])
+
+
+def test_a_node_without_a_step_is_refused_when_it_is_made() -> None:
+    class Idle(Node):
+        trigger = On(())
+
+    with pytest.raises(TypeError, match="step"):
+        Idle(Config({}, {}), "idle")  # type: ignore[abstract]
