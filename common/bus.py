@@ -13,7 +13,7 @@ import secrets
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, TypeVar
 
 import msgspec
@@ -29,6 +29,7 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T", bound=Message)
 _QUEUE_DEPTH = 256
+_CLOSE_S = 2.0
 
 
 def _survive(name: str, work: Callable[[], None]) -> None:
@@ -56,8 +57,9 @@ class Subscription:
         self._subscriber = session.declare_subscriber(
             topics.key(vehicle, topic.name), zenoh.handlers.RingChannel(depth)
         )
-        self._thread = threading.Thread(target=self._read, name=f"read {topic.name}", daemon=True)
-        self._thread.start()
+        self.thread = threading.Thread(target=self._read, name=f"read {topic.name}", daemon=True)
+        """Ends when the session is closed."""
+        self.thread.start()
 
     def _read(self) -> None:
         while True:
@@ -94,10 +96,6 @@ class Subscription:
             return
         self.dropped += max(0, header.seq - last - 1)
         self._last[stream] = header.seq
-
-    def join(self) -> None:
-        """Wait for the reader thread once the session is closed, which is what ends it."""
-        self._thread.join(timeout=1.0)
 
 
 class Query:
@@ -146,6 +144,9 @@ class Bus:
         self._sequence: Counter[str] = Counter()
         self._open: list[Any] = []
         self._lock = threading.Lock()
+        self._readers: list[threading.Thread] = []
+        self._asking = 0
+        self._asked = threading.Condition()
 
     def _publisher(self, name: str) -> zenoh.Publisher:
         publisher = self._publishers.get(name)
@@ -211,6 +212,7 @@ class Bus:
         """Read a topic; the callback runs in a thread of its own and may be slow: it then skips messages."""
         subscription = Subscription(self._session, self.config.vehicle, topics.topic(name), callback)
         self._open.append(subscription)
+        self._readers.append(subscription.thread)
         return subscription
 
     def subscribe_raw(self, pattern: str, callback: Callable[[zenoh.Sample], None], depth: int = 512) -> None:
@@ -228,7 +230,9 @@ class Bus:
                     return
                 _survive(pattern, lambda s=sample: callback(s))
 
-        threading.Thread(target=read, name=f"read {pattern}", daemon=True).start()
+        reader = threading.Thread(target=read, name=f"read {pattern}", daemon=True)
+        self._readers.append(reader)
+        reader.start()
 
     def serve(self, command: str, callback: Callable[[Query], None]) -> None:
         """Answer a command: the callback gets each query and sees that it is answered, now or later."""
@@ -253,11 +257,14 @@ class Bus:
         Raises:
             KeyError: unknown command.
         """
-        spec = topics.COMMANDS[command]
-        timeout_s = spec.timeout_s if timeout_s is None else timeout_s
+        with self._question():
+            return self._ask(command, argument or Command(), timeout_s)
+
+    def _ask(self, command: str, argument: Command, timeout_s: float | None) -> Reply:
+        timeout_s = topics.COMMANDS[command].timeout_s if timeout_s is None else timeout_s
         replies = self._session.get(
             topics.key(self.config.vehicle, command),
-            payload=msgspec.msgpack.encode(argument or Command()),
+            payload=msgspec.msgpack.encode(argument),
             timeout=timeout_s,
             # The default keeps a reply back until every router has closed the query: across two of them, its timeout.
             consolidation=zenoh.ConsolidationMode.NONE,
@@ -288,7 +295,7 @@ class Bus:
     def alive(self, timeout_s: float = 1.0) -> dict[str, list[int]]:
         """Live nodes: name to the boot identifiers of its processes (more than one is a conflict)."""
         nodes: dict[str, list[int]] = {}
-        with contextlib.suppress(zenoh.ZError):
+        with self._question(), contextlib.suppress(zenoh.ZError):
             for reply in self._session.liveliness().get(
                 topics.key(self.config.vehicle, "alive/*/*"), timeout=timeout_s
             ):
@@ -302,12 +309,31 @@ class Bus:
         return bool(self._session.info.routers_zid())
 
     def close(self) -> None:
-        """End the session, and with it all readers, answers and the liveliness token."""
+        """End the session, and with it all readers, answers and the liveliness token.
+
+        No thread is left inside Zenoh: one that comes back from there while the interpreter ends aborts the process
+        ("FATAL: exception not rethrown"), as Rust cannot be unwound by Python's end of a thread.
+        """
         self._session.close()
-        for item in self._open:
-            if isinstance(item, Subscription):
-                item.join()
+        deadline_s = time.monotonic() + _CLOSE_S
+        for reader in self._readers:
+            if reader is not threading.current_thread():
+                reader.join(max(deadline_s - time.monotonic(), 0.0))
+        with self._asked:
+            self._asked.wait_for(lambda: self._asking == 0, max(deadline_s - time.monotonic(), 0.0))
         self._open.clear()
+
+    @contextlib.contextmanager
+    def _question(self) -> Iterator[None]:
+        """Counts who waits for replies, so that `close` can wait for them."""
+        with self._asked:
+            self._asking += 1
+        try:
+            yield
+        finally:
+            with self._asked:
+                self._asking -= 1
+                self._asked.notify_all()
 
     def __enter__(self) -> Bus:
         return self

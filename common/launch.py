@@ -58,7 +58,11 @@ def run_process(spec: ProcessSpec, config: Config) -> int:
         if not inspect.isclass(entry):
             return entry(config, stop)
         node = cast(type[Node], entry)(config, spec.name)
-        runner = Runner(node, config.section(BusConfig), spec.side, stop)
+        try:
+            runner = Runner(node, config.section(BusConfig), spec.side, stop)
+        except ConfigError:
+            node.close()  # what it opened must not outlive it
+            raise
         wake.append(runner.wake)
         try:
             runner.open()

@@ -108,8 +108,10 @@ class Runner:
 
     def close(self) -> None:
         """Release the node and leave the bus."""
-        self.node.close()
-        self.bus.close()
+        try:
+            self.node.close()
+        finally:
+            self.bus.close()
 
     def _wait_until(self, due_ns: int, stop: threading.Event) -> int:
         """Sleep until due, answering commands meanwhile; returns the due time."""

@@ -261,7 +261,7 @@ class AutopilotLink:
         if param is None or direct is None or dialect is UNKNOWN:
             return ActionResult(action, False, "no autopilot")
         if action.kind is Kind.PARAMETERS:
-            return _parameters(param, action, self._todo.empty)
+            return _parameters(param, action, lambda: self._todo.empty() and not self._stop.is_set())
         for command in dialect.commands(action.kind, self._decoder.now.mode, action.height_m):
             ok, text = self._command(direct, command)
             if not ok:
@@ -290,14 +290,14 @@ class AutopilotLink:
 def _parameters(param: Param, action: Action, idle: Callable[[], bool]) -> ActionResult:
     """Read the parameters, write those that differ where that is asked for, and read these back.
 
-    Gives up between two of them as soon as another action waits: a lost reply costs seconds, and a landing must not
-    stand in the queue behind it.
+    Gives up between two of them as soon as another action waits or the link ends: a lost reply costs seconds, and a
+    landing must not stand in the queue behind it.
     """
     values: dict[str, float] = {}
     faults: list[str] = []
     for name, wanted in action.parameters.items():
         if not idle():
-            faults.append("interrupted by another action")
+            faults.append("interrupted")
             break
         integer = isinstance(wanted, int)
         read = param.get_param_int if integer else param.get_param_float
