@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import logging
 import math
 import sys
 from collections.abc import Sequence
@@ -94,6 +95,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_do(sub)
     _add_topics(sub)
     _add_preflight(sub)
+    _add_doctor(sub)
     _add_demo(sub)
     sub.add_parser("bench", help="Run a benchmark", add_help=False)  # reads its arguments itself, -h among them
     return parser
@@ -138,6 +140,20 @@ def _add_preflight(sub: argparse._SubParsersAction) -> None:
     parser.add_argument("--wait", type=_seconds, default=0.0, metavar="S", help="wait so long for the gate to open")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--side", choices=("onboard", "ground"), default="ground", help="whose router to use")
+    _add_config(parser)
+
+
+def _add_doctor(sub: argparse._SubParsersAction) -> None:
+    parser = sub.add_parser(
+        "doctor",
+        help="Look for what is wrong on this machine and in the running system",
+        description="Look at graphics, cores, memory, ports, routers, autopilot, camera, clocks, disk and packages, "
+        "and say what to do; exit code 0 without faults, 1 with.",
+    )
+    parser.add_argument(
+        "--side", choices=("onboard", "ground", "sim", "all"), default="all", help="sides that run on this machine"
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
     _add_config(parser)
 
 
@@ -221,6 +237,18 @@ def _run_preflight(args: argparse.Namespace) -> int:
         return preflight_tool.preflight(bus, args.wait, args.json)
 
 
+def _run_doctor(args: argparse.Namespace) -> int:
+    from common.doctor.run import doctor
+
+    if not args.verbose:
+        logging.disable(logging.WARNING)  # what the libraries say on the way is among the findings
+    sides: tuple[Side, ...] = ("onboard", "ground", "sim") if args.side == "all" else (args.side,)
+    try:
+        return doctor(load_config(args.config, args.overrides), sides, args.json)
+    finally:
+        logging.disable(logging.NOTSET)
+
+
 def _run_demo(args: argparse.Namespace) -> int:
     return load_object("simulation.demo.run:main")(args)
 
@@ -237,6 +265,7 @@ _ACTIONS = {
     "do": _run_do,
     "topics": _run_topics,
     "preflight": _run_preflight,
+    "doctor": _run_doctor,
     "demo": _run_demo,
     "bench": _run_bench,
 }

@@ -50,13 +50,14 @@ class AutopilotLink:
     Args:
         url: MAVSDK connection URL.
         dialect: `helm.dialect`: `auto`, or the name of the dialect to take.
+        listen_only: neither command nor write nor ask for rates; parameters can be read.
 
     Raises:
         ConfigError: the URL cannot be opened.
     """
 
-    def __init__(self, url: str, dialect: str = AUTO):
-        self._url, self._wanted = url, dialect
+    def __init__(self, url: str, dialect: str = AUTO, listen_only: bool = False):
+        self._url, self._wanted, self._listen_only = url, dialect, listen_only
         log_subscribe(_to_logging)
         self._mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.COMPANION_COMPUTER))
         result = self._mavsdk.add_any_connection(url)
@@ -109,7 +110,7 @@ class AutopilotLink:
     def send(self, setpoint: LocalSetpoint) -> bool:
         """Send one setpoint now; False when there is no autopilot or MAVSDK refused."""
         direct, dialect = self._direct, self._dialect
-        if direct is None or dialect is UNKNOWN:
+        if direct is None or dialect is UNKNOWN or self._listen_only:
             return False
         fields = dialect.setpoint(setpoint) | {
             "time_boot_ms": (time.monotonic_ns() - self._started_ns) // 1_000_000 & 0xFFFFFFFF,
@@ -125,7 +126,13 @@ class AutopilotLink:
         return True
 
     def submit(self, action: Action) -> None:
-        """Queue an action for the worker."""
+        """Queue an action for the worker.
+
+        Raises:
+            ValueError: the link only listens, and this would change something.
+        """
+        if self._listen_only and (action.kind is not Kind.PARAMETERS or action.write):
+            raise ValueError(f"submit: got {action.kind}, expected the reading of parameters: this link only listens")
         self._todo.put(action)
 
     def results(self) -> list[ActionResult]:
@@ -193,7 +200,7 @@ class AutopilotLink:
                 self._look_for_another()
             elif self._recognise(self._direct):
                 rates_set = False
-            elif not rates_set and self._dialect is not UNKNOWN:
+            elif not rates_set and self._dialect is not UNKNOWN and not self._listen_only:
                 rates_set = True
                 self._set_rates(self._direct)
             try:

@@ -36,6 +36,9 @@ SHELLS = (
     "onboard/camera/source.py",  # cameras and files
     "ground/recorder/intake.py",  # the queue between threads
     "ground/console/",  # all of it is the operator's page
+    "onboard/doctor/",  # looks at devices, ports and the bus
+    "ground/doctor/",
+    "simulation/doctor/",
     "simulation/demo/",  # starts processes, flies the demonstration
     "simulation/world/truth_port.py",  # MAVLink
     "simulation/world/gl.py",  # the renderer's driver

@@ -6,7 +6,7 @@ import pytest
 
 from common.cli import main
 
-COMMANDS = ("sim", "onboard", "ground", "node", "do", "topics", "preflight", "demo", "bench")
+COMMANDS = ("sim", "onboard", "ground", "node", "do", "topics", "preflight", "doctor", "demo", "bench")
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -1,0 +1,1 @@
+"""The doctor's checks of this side (`common.doctor.run` names them)."""
