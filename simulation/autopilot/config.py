@@ -37,6 +37,12 @@ class AutopilotSimConfig(Section, frozen=True, kw_only=True):
     """Autopilot seconds per real second: PX4 in the loop ran at 98.4 %, so clients must map its stamps."""
     ready_after_s: NonNegative = 4.5
     """When it is ready to arm, s after the start."""
+    slow_start_probability: Fraction = 0.0
+    """How often a start takes 2.3 s longer, as PX4's did now and then (6.8 s)."""
+    reboot_s: NonNegative = 2.0
+    """Silence between the end of a rebooted autopilot and its new start, s."""
+    sign_frames: bool = False
+    """Sign every MAVLink frame, as PX4 does; clients need no key to read them."""
     setpoint_delay_s: NonNegative = 0.057
     """From the arrival of an OFFBOARD setpoint until it acts, s (part of the fit, see `control`)."""
 
@@ -77,6 +83,17 @@ class AutopilotSimConfig(Section, frozen=True, kw_only=True):
     """White noise of the reported gyroscope, per axis, rad/s."""
     accel_noise_m_s2: NonNegative = 0.05
     """White noise of the reported accelerometer, per axis, m/s²."""
+
+    dead_reckoning_m_s2: NonNegative = 0.1
+    """Growth of the velocity estimate's error while GNSS is lost, m/s²."""
+    wrong_gps_m_s: NonNegative = 1.0
+    """How fast a wrong GNSS receiver walks away from the truth, m/s."""
+    heading_drift_rad_s: NonNegative = 0.01
+    """Drift of the heading while the magnetometer is lost, rad/s."""
+    wrong_mag_rad: NonNegative = 0.5
+    """Error of the heading that a wrong magnetometer causes, rad."""
+    wrong_baro_m_s: NonNegative = 0.3
+    """How fast a wrong barometer takes the height away from the truth, m/s."""
 
     takeoff_failure_probability: Fraction = 0.0
     """How often a takeoff is acknowledged and does not climb; 0.03 is what PX4 in the loop did (1 in 34)."""

@@ -10,42 +10,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
-from simulation.autopilot.plant import GRAVITY_M_S2, Airframe, Quat, Rotors, Vec3, mix
+from simulation.autopilot.motion import FREE, NAN, AttitudeSetpoint, Estimate, MotionSetpoint, heading
+from simulation.autopilot.plant import GRAVITY_M_S2, Airframe, Rotors, Vec3, down_axis, mix
 
-NAN = math.nan
-FREE: Vec3 = (NAN, NAN, NAN)
+HOVER_THRUST = 0.495
+"""Thrust setpoint at which PX4's built-in quadrotor hovers (the motors' balance alone would make it 0.490)."""
 _CLIMB_MAX_M_S2 = 8.0  # the rotors give 2 g in all; the rest is left to steer
 _SINK_MAX_M_S2 = 6.0  # keeps a third of the hover thrust: attitude control needs it
-
-
-class Estimate(NamedTuple):
-    """What the flight controller believes of the vehicle's motion."""
-
-    ned_p_m: Vec3
-    """Position from home, NED, m."""
-    ned_v_m_s: Vec3
-    """Velocity, NED, m/s."""
-    ned_q_body: Quat
-    """Attitude (w, x, y, z)."""
-    body_rates_rad_s: Vec3
-    """Angular velocity, body frame, rad/s."""
-
-
-class MotionSetpoint(NamedTuple):
-    """What the vehicle shall do; NaN leaves a component free. Each axis needs a position, velocity or acceleration."""
-
-    ned_p_m: Vec3 = FREE
-    """Position from home, NED, m."""
-    ned_v_m_s: Vec3 = FREE
-    """Velocity, NED, m/s; beside a position it is the feed-forward."""
-    ned_a_m_s2: Vec3 = FREE
-    """Acceleration, NED, m/s²; beside a velocity it is the feed-forward."""
-    yaw_rad: float = NAN
-    """Heading from north, clockwise, rad; NaN with a NaN rate holds the heading at which that began."""
-    yaw_rate_rad_s: float = NAN
-    """Heading rate, clockwise, rad/s; beside a heading it is the feed-forward."""
 
 
 @dataclass(frozen=True)
@@ -96,12 +68,6 @@ class Gains:
     """Time constant of the low-pass on the yaw torque (MC_YAW_TQ_CUTOFF of 2 Hz), s."""
 
 
-def heading(quat: Quat) -> float:
-    """Heading of the body's x axis from north, clockwise, rad, −π to π."""
-    w, x, y, z = quat
-    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-
-
 class Controller:
     """The cascade with its integrators, for one airframe.
 
@@ -117,7 +83,8 @@ class Controller:
         """Bounds in force."""
         self.climb_share = 1.0
         """Part of the climb limit that may be used: grows from 0 to 1 while the vehicle lifts off."""
-        self._thrust_max_n = 4.0 * airframe.thrust_n_s2 * airframe.rotor_max_rad_s**2
+        self.thrust_max_n = airframe.mass_kg * GRAVITY_M_S2 / HOVER_THRUST
+        """Thrust at a setpoint of 1, N."""
         self.reset()
 
     def reset(self) -> None:
@@ -131,6 +98,7 @@ class Controller:
         self.target_v_m_s: Vec3 = FREE
         self.target_down: Vec3 = (0.0, 0.0, 1.0)
         self.target_yaw_rad = 0.0
+        self.target_rates_rad_s: Vec3 = (0.0, 0.0, 0.0)
         self.thrust_fraction = 0.0
 
     def update(self, estimate: Estimate, setpoint: MotionSetpoint, dt_s: float) -> Rotors:
@@ -149,6 +117,34 @@ class Controller:
         ned_down = (-an / size, -ae / size, lift / size)
         return self.point(estimate, ned_down, self._heading_rate(estimate, setpoint), size, dt_s)
 
+    def steer(self, estimate: Estimate, setpoint: AttitudeSetpoint, dt_s: float) -> Rotors:
+        """Rotor speeds for an attitude or body rates with direct thrust, rad/s.
+
+        Args:
+            estimate: the motion now.
+            setpoint: what is asked; there is no bound on its tilt, as in PX4.
+            dt_s: time since the last cycle, s.
+        """
+        gains = self._gains
+        self._integral = [0.0, 0.0, 0.0]  # a motion setpoint that follows starts afresh
+        self._last_v = None
+        self._held_yaw = NAN
+        thrust_n = min(max(setpoint.thrust, 0.0), 1.0) * self.thrust_max_n
+        if setpoint.ned_q_body is None:
+            p, q, r = (
+                asked if asked == asked else now
+                for asked, now in zip(setpoint.body_rates_rad_s, estimate.body_rates_rad_s, strict=True)
+            )
+            return self._drive(estimate, (p, q, r), thrust_n, dt_s)
+        ahead = setpoint.body_rates_rad_s[2]
+        self.target_yaw_rad = heading(setpoint.ned_q_body)
+        error = math.remainder(self.target_yaw_rad - heading(estimate.ned_q_body), math.tau)
+        yaw_rate = gains.heading * error + (ahead if ahead == ahead else 0.0)
+        yaw_rate = min(max(yaw_rate, -gains.heading_rate_max_rad_s), gains.heading_rate_max_rad_s)
+        self.target_down = down_axis(setpoint.ned_q_body)
+        rates, _ = self._tilt_rates(estimate, yaw_rate)
+        return self._drive(estimate, rates, thrust_n, dt_s)
+
     def point(self, estimate: Estimate, ned_down: Vec3, yaw_rate_rad_s: float, lift_m_s2: float, dt_s: float) -> Rotors:
         """Rotor speeds that turn the body's z axis to a direction, rad/s: the inner loops alone.
 
@@ -159,25 +155,33 @@ class Controller:
             lift_m_s2: wanted thrust along that axis by mass, m/s²; only its part along the present axis is given.
             dt_s: time since the last cycle, s.
         """
-        gains = self._gains
         self.target_down = ned_down
+        rates, along = self._tilt_rates(estimate, yaw_rate_rad_s)
+        return self._drive(estimate, rates, self._airframe.mass_kg * lift_m_s2 * max(along, 0.2), dt_s)
+
+    def _tilt_rates(self, estimate: Estimate, yaw_rate_rad_s: float) -> tuple[Vec3, float]:
+        """Body rates that turn the z axis to `target_down`, rad/s, and the cosine of the angle between the two."""
         w, x, y, z = estimate.ned_q_body
-        dn, de, dd = ned_down
+        dn, de, dd = self.target_down
         # wanted axis in the body: R^T d
         bx = (1 - 2 * (y * y + z * z)) * dn + 2 * (x * y + w * z) * de + 2 * (x * z - w * y) * dd
         by = 2 * (x * y - w * z) * dn + (1 - 2 * (x * x + z * z)) * de + 2 * (y * z + w * x) * dd
         bz = 2 * (x * z + w * y) * dn + 2 * (y * z - w * x) * de + (1 - 2 * (x * x + y * y)) * dd
         sine = math.hypot(bx, by)
-        gain = gains.tilt * (math.atan2(sine, bz) / sine if sine > 1e-9 else 1.0)
+        gain = self._gains.tilt * (math.atan2(sine, bz) / sine if sine > 1e-9 else 1.0)
         p = -by * gain + yaw_rate_rad_s * 2 * (x * z - w * y)
         q = bx * gain + yaw_rate_rad_s * 2 * (y * z + w * x)
-        r = yaw_rate_rad_s * (1 - 2 * (x * x + y * y))
+        return (p, q, yaw_rate_rad_s * (1 - 2 * (x * x + y * y))), bz
+
+    def _drive(self, estimate: Estimate, rates: Vec3, thrust_n: float, dt_s: float) -> Rotors:
+        """Rotor speeds that give body rates and a thrust, rad/s."""
+        gains = self._gains
+        self.target_rates_rad_s = p, q, r = rates
         wp, wq, wr = estimate.body_rates_rad_s
         ix, iy, iz = self._airframe.inertia_kg_m2
         self._yaw_torque += (iz * gains.yaw_rate * (r - wr) - self._yaw_torque) * min(1.0, dt_s / gains.yaw_lag_s)
         torque = (ix * gains.rate * (p - wp), iy * gains.rate * (q - wq), self._yaw_torque)
-        thrust_n = self._airframe.mass_kg * lift_m_s2 * max(bz, 0.2)
-        self.thrust_fraction = min(max(thrust_n / self._thrust_max_n, 0.0), 1.0)
+        self.thrust_fraction = min(max(thrust_n / self.thrust_max_n, 0.0), 1.0)
         return mix(self._airframe, thrust_n, torque)
 
     def _velocity_target(self, estimate: Estimate, setpoint: MotionSetpoint) -> Vec3:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from simulation.autopilot.control import FREE, NAN, Estimate, MotionSetpoint, heading
 from simulation.autopilot.modes import Mode
+from simulation.autopilot.motion import FREE, NAN, Estimate, MotionSetpoint, heading
 from simulation.autopilot.parameters import Parameters
 from simulation.autopilot.plant import Vec3
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import heapq
+import math
 import socket
 from collections import Counter
 from collections.abc import Mapping
@@ -15,6 +17,8 @@ from simulation.autopilot.telemetry import Message, Telemetry
 _PEER_SILENT_S = 3.0
 _LONGEST_DATAGRAM = 2048
 _SEND_QUEUE_BYTES = 262144
+# Any key will do: a client has to read the longer frames without it.
+_SECRET_KEY = hashlib.sha256(b"simulated autopilot").digest()
 
 
 class PortInUse(OSError):
@@ -31,6 +35,7 @@ class UdpLink:
         rates: Hz by message identifier.
         first_s: autopilot time before which a message is not sent, by identifier, s.
         system_id: MAVLink system of the autopilot.
+        sign: whether to sign every frame.
 
     Raises:
         PortInUse: the local port cannot be bound.
@@ -44,22 +49,34 @@ class UdpLink:
         rates: Mapping[int, float],
         first_s: Mapping[int, float],
         system_id: int,
+        sign: bool = False,
     ):
         self.name = name
-        self.peer: tuple[str, int] = (host, ports.remote_port)
-        """Where messages go."""
-        self.peer_is_ground_station = False
-        """Whether the newest heartbeat of a peer was a ground station's."""
+        self._first_peer = (host, ports.remote_port)
         self.counters: Counter[str] = Counter()
         """`received`, `sent`, `bad` (no MAVLink), `send_failed`."""
         self._mav = mavlink.MAVLink(None, system_id, 1)
+        if sign:
+            self._mav.signing.secret_key = _SECRET_KEY
+            self._mav.signing.sign_outgoing = True
         self._first_s = first_s
         self._default_hz = dict(rates)
-        self._period_s = {message_id: 1.0 / hz for message_id, hz in rates.items()}
-        self._due = [(first_s.get(message_id, 0.0), message_id) for message_id in rates]
+        self._socket = _bind(name, host, ports.local_port)
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin as at the first start: first peer, default rates, clock at 0, sequence at 0."""
+        self.peer: tuple[str, int] = self._first_peer
+        """Where messages go."""
+        self.peer_is_ground_station = False
+        """Whether the newest heartbeat of a peer was a ground station's."""
+        self.ground_station_at_s = -math.inf
+        """When that was, autopilot time, s."""
+        self._period_s = {message_id: 1.0 / hz for message_id, hz in self._default_hz.items()}
+        self._due = [(self._first_s.get(message_id, 0.0), message_id) for message_id in self._default_hz]
         heapq.heapify(self._due)
         self._peer_heard_s = -_PEER_SILENT_S
-        self._socket = _bind(name, host, ports.local_port)
+        self._mav.seq = 0
 
     def close(self) -> None:
         """Free the port."""
@@ -86,7 +103,9 @@ class UdpLink:
             period_s = self._period_s[message_id]
             # keep the mean rate, but never send a backlog
             heapq.heapreplace(due, (max(at_s + period_s, t_s + 0.5 * period_s), message_id))
-            self.send(telemetry.build(message_id))
+            message = telemetry.build(message_id)
+            if message is not None:
+                self.send(message)
 
     def interval_us(self, message_id: int) -> int:
         """Interval of a message, µs; -1 when it is not sent."""

@@ -26,6 +26,7 @@ DEFAULTS: Mapping[str, Value] = MappingProxyType(
         "COM_OBL_RC_ACT": 0,  # what follows the loss of the OFFBOARD stream: 0 and 3 return, 4 land, 5 hold
         "COM_OF_LOSS_T": 1.0,  # s without a setpoint that count as a loss
         "COM_SPOOLUP_TIME": 1.0,  # s from arming to lift
+        "EKF2_NOAID_TOUT": 5.0,  # s without GNSS that the position stays valid (PX4 counts in µs)
         "MAV_COMP_ID": 1,
         "MAV_SYS_ID": 1,
         "MAV_TYPE": 2,

@@ -63,6 +63,8 @@ class AutopilotProcess:
     def __init__(self, config: AutopilotSimConfig):
         self.vehicle = SimulatedVehicle(config, config.clock_rate / config.rate_hz)
         self._telemetry = Telemetry(self.vehicle)
+        self._reboot_s = config.reboot_s
+        self._dark_s = 0.0
         system_id = int(self.vehicle.parameters["MAV_SYS_ID"])
         with ExitStack() as undo:
             self.links: list[UdpLink] = []
@@ -71,14 +73,17 @@ class AutopilotProcess:
                 ("ground", config.ground, GROUND_RATES),
                 ("truth", config.truth, TRUTH_RATES),
             ):
-                link = UdpLink(name, config.host, ports, rates, FIRST_S, system_id)
+                link = UdpLink(name, config.host, ports, rates, FIRST_S, system_id, config.sign_frames)
                 undo.callback(link.close)
                 self.links.append(link)
             undo.pop_all()
         self.protocol = Protocol(self.vehicle, self._telemetry, self.links, self.links[:2])
 
     def cycle(self) -> None:
-        """Receive, react, advance the vehicle, send."""
+        """Receive, react, advance the vehicle, send; nothing but the fall of time while a reboot is under way."""
+        if self._dark_s > 0.0:
+            self._wait_in_the_dark()
+            return
         for link in self.links:
             for message in link.receive(self.vehicle.t_s):
                 self.protocol.handle(link, message)
@@ -86,6 +91,21 @@ class AutopilotProcess:
         self.protocol.update()
         for link in self.links:
             link.send_due(self.vehicle.t_s, self._telemetry)
+        if self.protocol.reboot_at_s <= self.vehicle.t_s:
+            log.info("simulated autopilot: rebooting, silent for %.1f s", self._reboot_s)
+            self._dark_s = max(self._reboot_s, self.vehicle.dt_s)
+
+    def _wait_in_the_dark(self) -> None:
+        """One cycle without an autopilot: what is sent to it is lost, and its clock stands."""
+        for link in self.links:
+            link.receive(self.vehicle.t_s)
+        self.vehicle.coast()
+        self._dark_s -= self.vehicle.dt_s
+        if self._dark_s <= 0.0:
+            self.vehicle.reboot()
+            self.protocol.restart()
+            for link in self.links:
+                link.restart()
 
     def close(self) -> None:
         """Free the ports."""

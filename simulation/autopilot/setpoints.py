@@ -1,11 +1,11 @@
-"""SET_POSITION_TARGET_LOCAL_NED as a motion setpoint, by its type mask."""
+"""SET_POSITION_TARGET_LOCAL_NED and SET_ATTITUDE_TARGET as setpoints, by their type masks."""
 
 from __future__ import annotations
 
 import math
 from typing import Any
 
-from simulation.autopilot.control import NAN, MotionSetpoint
+from simulation.autopilot.motion import NAN, AttitudeSetpoint, MotionSetpoint
 from simulation.autopilot.plant import Vec3
 
 FRAME_LOCAL_NED = 1
@@ -13,6 +13,9 @@ FRAME_BODY_NED = 8  # x along the heading, y to its right, z down
 _FORCE = 512
 _IGNORE_YAW = 1024
 _IGNORE_YAW_RATE = 2048
+_IGNORE_BODY_RATES = (1, 2, 4)
+_IGNORE_THRUST = 64
+_IGNORE_ATTITUDE = 128
 
 
 class SetpointRefused(ValueError):
@@ -53,6 +56,40 @@ def decode(message: Any, yaw_rad: float) -> MotionSetpoint:
         if all(math.isnan(vector[axis]) for vector in (position, velocity, acceleration)):
             raise SetpointRefused("incomplete")
     return MotionSetpoint(position, velocity, acceleration, yaw, yaw_rate)
+
+
+def decode_attitude(message: Any) -> AttitudeSetpoint:
+    """Attitude setpoint of a SET_ATTITUDE_TARGET message.
+
+    As in PX4 the attitude wins where it is not masked: of the body rates only the third is then used, as the
+    feed-forward of the heading. Without an attitude all three body rates must be given.
+
+    Args:
+        message: the pymavlink message.
+
+    Raises:
+        SetpointRefused: `infinite` (a component in use is not finite), `incomplete` (no thrust, or neither an attitude
+            nor body rates), `no_rotation` (a quaternion without length).
+    """
+    mask = message.type_mask
+    rates = (message.body_roll_rate, message.body_pitch_rate, message.body_yaw_rate)
+    roll, pitch, yaw = (NAN if mask & bit else rate for bit, rate in zip(_IGNORE_BODY_RATES, rates, strict=True))
+    if mask & _IGNORE_THRUST:
+        raise SetpointRefused("incomplete")
+    if mask & _IGNORE_ATTITUDE:
+        if math.isnan(roll) or math.isnan(pitch) or math.isnan(yaw):
+            raise SetpointRefused("incomplete")
+        if not all(math.isfinite(value) for value in (roll, pitch, yaw, message.thrust)):
+            raise SetpointRefused("infinite")
+        return AttitudeSetpoint(None, (roll, pitch, yaw), message.thrust)
+    if math.isinf(yaw) or not all(math.isfinite(value) for value in (*message.q, message.thrust)):
+        raise SetpointRefused("infinite")
+    w, x, y, z = message.q
+    length = math.sqrt(w * w + x * x + y * y + z * z)
+    if length < 1e-3:
+        raise SetpointRefused("no_rotation")
+    quat = (w / length, x / length, y / length, z / length)
+    return AttitudeSetpoint(quat, (NAN, NAN, yaw), message.thrust)
 
 
 def _masked(mask: int, shift: int, x: float, y: float, z: float) -> Vec3:

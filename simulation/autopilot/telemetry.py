@@ -8,8 +8,8 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from simulation.autopilot.control import heading
 from simulation.autopilot.modes import Mode
+from simulation.autopilot.motion import heading
 from simulation.autopilot.plant import GRAVITY_M_S2, Quat, Vec3
 from simulation.autopilot.vehicle import SimulatedVehicle
 
@@ -22,6 +22,8 @@ _CONTROLS = 1024 | 2048 | 4096 | 8192 | 16384 | 32768 | 2097152 | 33554432
 _PREARM = 1 << 28
 _STANDARD_MODES = {Mode.RETURN: 5, Mode.LAND: 7, Mode.TAKEOFF: 8}  # MAV_STANDARD_MODE; the others have none
 _HOME_SET_S = 2.4
+_CUSTOM, _STABILISED, _MANUAL, _ARMED = 1, 16, 64, 128  # MAV_MODE_FLAG
+_AUTOMATIC = 4 | 8 | 16
 _NO_COVARIANCE = (math.nan,) + (0.0,) * 20
 
 
@@ -40,7 +42,7 @@ class Telemetry:
         self._deg_per_east_m = self._deg_per_north_m / math.cos(math.radians(config.home_lat_deg))
         self._rng = random.Random(f"{config.seed}/imu")
         m = mavlink
-        self._builders: dict[int, Callable[[], Message]] = {
+        self._builders: dict[int, Callable[[], Message | None]] = {
             m.MAVLINK_MSG_ID_HEARTBEAT: self.heartbeat,
             m.MAVLINK_MSG_ID_SYS_STATUS: self.sys_status,
             m.MAVLINK_MSG_ID_SYSTEM_TIME: self.system_time,
@@ -69,8 +71,8 @@ class Telemetry:
         """Whether this message can be built."""
         return message_id in self._builders
 
-    def build(self, message_id: int) -> Message:
-        """The message now.
+    def build(self, message_id: int) -> Message | None:
+        """The message now; None while there is nothing to say, as of a position that is not known.
 
         Raises:
             KeyError: a message that is not known.
@@ -90,7 +92,12 @@ class Telemetry:
     def heartbeat(self) -> Message:
         """HEARTBEAT with PX4's base mode, custom mode and system status."""
         modes = self._vehicle.modes
-        base = (29 if modes.mode.automatic else 17) + (128 if modes.armed else 0)
+        base = _CUSTOM | (_ARMED if modes.armed else 0)
+        if modes.mode.automatic:
+            base |= _AUTOMATIC
+        asked = self._vehicle.attitude_setpoint
+        if asked is None or asked.ned_q_body is not None:
+            base |= _STABILISED
         if modes.failsafe:
             status = 5
         elif modes.armed:
@@ -127,7 +134,7 @@ class Telemetry:
 
     def gps_raw_int(self) -> Message:
         """GPS_RAW_INT of a receiver with a 3-D fix."""
-        lat, lon, alt = self._global(self._vehicle.estimate.ned_p_m)
+        lat, lon, alt = self._global(self._vehicle.estimate.ned_p_m, self._origin)
         vn, ve, _ = self._vehicle.estimate.ned_v_m_s
         course = round(math.degrees(math.atan2(ve, vn)) * 100) % 36000
         return mavlink.MAVLink_gps_raw_int_message(
@@ -144,15 +151,19 @@ class Telemetry:
         e = self._vehicle.estimate
         return mavlink.MAVLink_attitude_quaternion_message(self.time_ms, *e.ned_q_body, *e.body_rates_rad_s)
 
-    def local_position_ned(self) -> Message:
-        """LOCAL_POSITION_NED of the estimate, origin at home."""
+    def local_position_ned(self) -> Message | None:
+        """LOCAL_POSITION_NED of the estimate, origin at home; None while the position is not valid."""
+        if not self._vehicle.estimator.position_valid:
+            return None
         e = self._vehicle.estimate
         return mavlink.MAVLink_local_position_ned_message(self.time_ms, *e.ned_p_m, *e.ned_v_m_s)
 
-    def global_position_int(self) -> Message:
-        """GLOBAL_POSITION_INT of the estimate."""
+    def global_position_int(self) -> Message | None:
+        """GLOBAL_POSITION_INT of the estimate; None while the position is not valid."""
+        if not self._vehicle.estimator.position_valid:
+            return None
         e = self._vehicle.estimate
-        lat, lon, alt = self._global(e.ned_p_m)
+        lat, lon, alt = self._global(e.ned_p_m, self._origin)
         vn, ve, vd = e.ned_v_m_s
         course = round(math.degrees(heading(e.ned_q_body)) * 100) % 36000
         return mavlink.MAVLink_global_position_int_message(
@@ -179,7 +190,7 @@ class Telemetry:
         """ATTITUDE_TARGET: what the attitude loop is asked for."""
         c = self._vehicle.controller
         quat = _pointing(c.target_down, c.target_yaw_rad)
-        return mavlink.MAVLink_attitude_target_message(self.time_ms, 0, quat, 0.0, 0.0, 0.0, c.thrust_fraction)
+        return mavlink.MAVLink_attitude_target_message(self.time_ms, 0, quat, *c.target_rates_rad_s, c.thrust_fraction)
 
     def position_target(self) -> Message:
         """POSITION_TARGET_LOCAL_NED: the motion setpoint in force; what is free is NaN and masked."""
@@ -241,7 +252,7 @@ class Telemetry:
 
     def home_position(self) -> Message:
         """HOME_POSITION: the take-off point."""
-        lat, lon, alt = self._global((0.0, 0.0, 0.0))
+        lat, lon, alt = self._global((0.0, 0.0, 0.0), self._origin)
         return mavlink.MAVLink_home_position_message(
             lat, lon, alt, 0.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0), math.nan, math.nan, math.nan, int(_HOME_SET_S * 1e6)
         )
@@ -279,9 +290,13 @@ class Telemetry:
         standard = _STANDARD_MODES.get(modes.mode, 0)
         return mavlink.MAVLink_current_mode_message(standard, modes.mode.custom_mode, modes.intended.custom_mode)
 
-    def _global(self, ned_p_m: Vec3) -> tuple[int, int, int]:
-        """Latitude and longitude in degE7 and altitude over sea level in mm."""
-        n, e, d = ned_p_m
+    @property
+    def _origin(self) -> Vec3:
+        return self._vehicle.estimator.ned_origin_m
+
+    def _global(self, ned_p_m: Vec3, origin_m: Vec3 = (0.0, 0.0, 0.0)) -> tuple[int, int, int]:
+        """Latitude and longitude in degE7 and altitude over sea level in mm, of a place counted from an origin."""
+        n, e, d = (place + start for place, start in zip(ned_p_m, origin_m, strict=True))
         lat = self._lat_deg + n * self._deg_per_north_m
         lon = self._lon_deg + e * self._deg_per_east_m
         return round(lat * 1e7), round(lon * 1e7), round((self._vehicle.config.home_alt_m - d) * 1e3)

@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 import random
 from collections import deque
-from typing import NamedTuple
 
+from simulation.autopilot import battery as battery_model
 from simulation.autopilot import plant
 from simulation.autopilot.config import AutopilotSimConfig
-from simulation.autopilot.control import Controller, Estimate, Limits, MotionSetpoint
+from simulation.autopilot.control import Controller, Limits
+from simulation.autopilot.estimator import Estimator
 from simulation.autopilot.guidance import Guidance
 from simulation.autopilot.modes import Mode, ModeMachine, Situation, Verdict
-from simulation.autopilot.noise import GaussMarkov
+from simulation.autopilot.motion import AttitudeSetpoint, MotionSetpoint, Setpoint
+from simulation.autopilot.noise import Wind
 from simulation.autopilot.parameters import Parameters
 from simulation.autopilot.plant import Airframe, PlantState, Vec3
 
@@ -21,17 +23,7 @@ _LIFTED_S = 0.1  # off the ground for this long: in the air
 _LANDED_S = 1.0  # on the ground with little thrust for this long: landed
 _LANDED_THRUST = 0.8  # of the hover thrust
 _IDLE_SPEED = 0.15  # of the fastest rotor speed
-
-
-class Battery(NamedTuple):
-    """Charge and load of the battery."""
-
-    fraction: float
-    """Remaining charge, 0 to 1."""
-    voltage_v: float
-    """Terminal voltage, V."""
-    current_a: float
-    """Current drawn, A."""
+_SLOW_START_S = 2.3  # PX4 was ready at 4.5 s, sometimes at 6.8 s
 
 
 class SimulatedVehicle:
@@ -47,41 +39,71 @@ class SimulatedVehicle:
         self.dt_s = dt_s
         self.parameters = Parameters(config.parameters)
         self.airframe = Airframe(mass_kg=config.mass_kg, drag_n_s_m=config.drag_n_s_m)
-        self.modes = ModeMachine(self.parameters)
-        self.controller = Controller(self.airframe)
         self.t_s = 0.0
         """Autopilot time since the start, s."""
         yaw = config.start_yaw_rad
         self.truth = PlantState(ned_q_body=(math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)))
         """True motion."""
+        self.battery = battery_model.full(config.battery_start)
+        """Charge and load."""
+        self._luck = random.Random(f"{config.seed}/takeoff")
+        self._slow_start = random.Random(f"{config.seed}/ready")
+        self._hover_n = self.airframe.mass_kg * plant.GRAVITY_M_S2
+        period_s = max(_NOISE_PERIOD_S, dt_s)
+        self._wind = Wind(config.wind_ned_m_s, config.gust_std_m_s, config.gust_time_s, period_s, config.seed)
+        self._boot()
+
+    def _boot(self) -> None:
+        """Bring the autopilot, not the vehicle, to the state in which it starts."""
+        config = self.config
+        self.t_s = 0.0
+        self.modes = ModeMachine(self.parameters)
+        self.controller = Controller(self.airframe)
         self.landed = True
         """Whether the land detector says landed."""
         self.setpoint = MotionSetpoint()
-        """The setpoint in force, for telemetry."""
-        self.battery = Battery(config.battery_start, 16.8, 0.0)
+        """The motion setpoint in force, for telemetry; all free while an attitude is steered."""
+        self.attitude_setpoint: AttitudeSetpoint | None = None
+        """The attitude setpoint in force, None while motion is steered."""
+        slow = self._slow_start.random() < config.slow_start_probability
+        self._ready_at_s = config.ready_after_s + (_SLOW_START_S if slow else 0.0)
         self._guidance = Guidance(self.parameters)
-        self._queue: deque[tuple[float, MotionSetpoint]] = deque()
-        self._offboard: MotionSetpoint | None = None
+        self._queue: deque[tuple[float, Setpoint]] = deque()
+        self._offboard: Setpoint | None = None
         self._stream_at_s = -math.inf
         self._contact_changed_s = 0.0
         self._lift_at_s: float | None = None
         self._stuck = False
         self._flown_mode, self._entries = Mode.HOLD, -1
-        self._hover_n = self.airframe.mass_kg * plant.GRAVITY_M_S2
-        self._thrust_max_n = 4.0 * self.airframe.thrust_n_s2 * self.airframe.rotor_max_rad_s**2
         self._revision = -1
-        self._make_noise()
-        self.estimate = self._estimate()
+        self._noise_at_s = 0.0
+        self.wind_m_s: Vec3 = self._wind.update()
+        self.estimator = Estimator(config, max(_NOISE_PERIOD_S, self.dt_s), float(self.parameters["EKF2_NOAID_TOUT"]))
+        """Errors of the estimate, and the sensors' faults."""
+        n, e, _ = self.truth.ned_p_m
+        self.estimator.ned_origin_m = (n, e, 0.0)
+        self.estimate = self.estimator.estimate(self.truth, self.landed)
         """The autopilot's estimate of its motion."""
+
+    def reboot(self) -> None:
+        """Start the autopilot anew: clock, modes, estimate and links' state; parameters and the vehicle's place stay.
+
+        The local frame begins where the vehicle stands now, as in PX4, whose estimator starts again too.
+        """
+        self._boot()
+
+    def coast(self) -> None:
+        """Advance the vehicle by `dt_s` while its autopilot is off: the rotors stop."""
+        self.truth = plant.step(self.airframe, self.truth, (0.0, 0.0, 0.0, 0.0), self.dt_s, self.wind_m_s)
 
     @property
     def situation(self) -> Situation:
         """What the modes know of the vehicle now."""
         done = self.modes.mode is Mode.TAKEOFF and self._guidance.takeoff_done(self.estimate)
-        ready = self.t_s >= self.config.ready_after_s
+        ready = self.t_s >= self._ready_at_s
         return Situation(self.t_s, ready, self.landed, self.t_s - self._stream_at_s, done)
 
-    def take_setpoint(self, setpoint: MotionSetpoint) -> None:
+    def take_setpoint(self, setpoint: Setpoint) -> None:
         """Receive an OFFBOARD setpoint; it acts after `setpoint_delay_s`, and only in OFFBOARD."""
         if not self.modes.stream_alive(self.situation):
             self._offboard = None  # what an earlier stream asked for must not be flown again
@@ -115,10 +137,11 @@ class SimulatedVehicle:
         self.t_s += dt_s
         if self.t_s >= self._noise_at_s:
             self._noise_at_s += _NOISE_PERIOD_S
-            self._weather()
+            self.wind_m_s = self._wind.update()
+            self.estimator.drift()
         if self._revision != self.parameters.revision:
             self._take_limits()
-        self.estimate = self._estimate()
+        self.estimate = self.estimator.estimate(self.truth, self.landed)
         while self._queue and self._queue[0][0] <= self.t_s:
             self._offboard = self._queue.popleft()[1]
         self.modes.update(self.situation)
@@ -141,52 +164,6 @@ class SimulatedVehicle:
             2 * (x * z + w * y) * fn + 2 * (y * z - w * x) * fe + (1 - 2 * (x * x + y * y)) * fd,
         )
 
-    def _make_noise(self) -> None:
-        config, dt_s = self.config, max(_NOISE_PERIOD_S, self.dt_s)
-
-        def process(name: str, std: float, time_s: float) -> GaussMarkov:
-            return GaussMarkov(std, time_s, dt_s, random.Random(f"{config.seed}/{name}"))
-
-        self._luck = random.Random(f"{config.seed}/takeoff")
-        gust = config.gust_std_m_s
-        self._gusts = [process(f"gust{i}", s, config.gust_time_s) for i, s in enumerate((gust, gust, gust / 2))]
-        time_s = config.noise_time_s
-        self._p_noise = [process(f"position{i}", config.position_noise_m, time_s) for i in range(3)]
-        self._v_noise = [process(f"velocity{i}", config.velocity_noise_m_s, time_s) for i in range(2)]
-        self._v_noise.append(process("climb", config.climb_noise_m_s, config.climb_noise_time_s))
-        self._q_noise = [process(f"attitude{i}", config.attitude_noise_rad, time_s) for i in range(3)]
-        self._noise_at_s = 0.0
-        self._weather()
-
-    def _weather(self) -> None:
-        """Update gusts and estimate errors."""
-        mean = self.config.wind_ned_m_s
-        gusts = [g.update() for g in self._gusts]
-        self.wind_m_s: Vec3 = (mean[0] + gusts[0], mean[1] + gusts[1], mean[2] + gusts[2])
-        for process in (*self._p_noise, *self._v_noise, *self._q_noise):
-            process.update()
-
-    def _estimate(self) -> Estimate:
-        truth = self.truth
-        pn, pe, pd = truth.ned_p_m
-        vn, ve, vd = truth.ned_v_m_s
-        w, x, y, z = truth.ned_q_body
-        p, v, q = self._p_noise, self._v_noise, self._q_noise
-        a, b, c = 0.5 * q[0].value, 0.5 * q[1].value, 0.5 * q[2].value  # a small rotation: its norm needs no repair
-        quat = (
-            w - x * a - y * b - z * c,
-            x + w * a + y * c - z * b,
-            y + w * b + z * a - x * c,
-            z + w * c + x * b - y * a,
-        )
-        return Estimate(
-            (pn + p[0].value, pe + p[1].value, pd + p[2].value),
-            # a vehicle that stands on the ground knows that it stands
-            (vn + v[0].value, ve + v[1].value, vd + v[2].value) if not self.landed else (vn, ve, vd),
-            quat,
-            truth.body_rates_rad_s,
-        )
-
     def _take_limits(self) -> None:
         p = self.parameters
         self._revision = p.revision
@@ -199,29 +176,43 @@ class SimulatedVehicle:
 
     def _rotors(self) -> plant.Rotors:
         """Rotor commands of this cycle."""
-        mode = self.modes.mode
         if not self.modes.armed:
             self._lift_at_s = None
             self.controller.reset()
+            self.attitude_setpoint = None
             return 0.0, 0.0, 0.0, 0.0
-        if mode is Mode.OFFBOARD:
-            self.setpoint = self._offboard or MotionSetpoint(ned_v_m_s=(0.0, 0.0, 0.0))
-        else:
-            self.setpoint = self._guidance.setpoint(mode, self.estimate, self.dt_s)
+        asked = self._asked()
+        if isinstance(asked, AttitudeSetpoint):
+            self.setpoint, self.attitude_setpoint = MotionSetpoint(), asked
+            return self._idle() if self._spooling_up() else self.controller.steer(self.estimate, asked, self.dt_s)
+        self.setpoint, self.attitude_setpoint = asked, None
         if self.landed and not self._wants_lift():
             self._lift_at_s = None
             self.controller.reset()
-            idle = _IDLE_SPEED * self.airframe.rotor_max_rad_s
-            return idle, idle, idle, idle
+            return self._idle()
         if self._lift_at_s is None:
             self._lift_at_s = self.t_s
         ramp_s = max(float(self.parameters["MPC_TKO_RAMP_T"]), 0.1)
         self.controller.climb_share = min((self.t_s - self._lift_at_s) / ramp_s, 1.0)
         return self.controller.update(self.estimate, self.setpoint, self.dt_s)
 
+    def _asked(self) -> Setpoint:
+        """The setpoint of the mode that flies."""
+        mode = self.modes.mode
+        if mode is Mode.OFFBOARD:
+            return self._offboard or MotionSetpoint(ned_v_m_s=(0.0, 0.0, 0.0))
+        return self._guidance.setpoint(mode, self.estimate, self.dt_s)
+
+    def _idle(self) -> plant.Rotors:
+        idle = _IDLE_SPEED * self.airframe.rotor_max_rad_s
+        return idle, idle, idle, idle
+
+    def _spooling_up(self) -> bool:
+        return self.t_s - self.modes.armed_at_s < self.parameters["COM_SPOOLUP_TIME"]
+
     def _wants_lift(self) -> bool:
         """Whether the vehicle on the ground is asked to leave it, and its motors have spun up."""
-        if self.t_s - self.modes.armed_at_s < self.parameters["COM_SPOOLUP_TIME"]:
+        if self._spooling_up():
             return False
         if self.modes.mode is Mode.TAKEOFF:
             return not self._stuck
@@ -232,7 +223,7 @@ class SimulatedVehicle:
 
     def _detect_landing(self) -> None:
         pressed = self.truth.on_ground and (
-            self.controller.thrust_fraction * self._thrust_max_n < _LANDED_THRUST * self._hover_n
+            self.controller.thrust_fraction * self.controller.thrust_max_n < _LANDED_THRUST * self._hover_n
         )
         if pressed is self.landed:
             self._contact_changed_s = self.t_s
@@ -244,10 +235,8 @@ class SimulatedVehicle:
             self._contact_changed_s = self.t_s
 
     def _drain(self) -> None:
-        power_w = 5.0
+        rotors_w = 0.0
         if self.modes.armed:
-            load = self.controller.thrust_fraction * self._thrust_max_n / self._hover_n
-            power_w += self.config.hover_power_w * max(load, 0.05) ** 1.5
-        fraction = max(self.battery.fraction - power_w * self.dt_s / 3600.0 / self.config.battery_wh, 0.0)
-        voltage = 14.0 + 2.8 * fraction  # four lithium cells, 3.5 V to 4.2 V each
-        self.battery = Battery(fraction, voltage, power_w / voltage)
+            load = self.controller.thrust_fraction * self.controller.thrust_max_n / self._hover_n
+            rotors_w = self.config.hover_power_w * max(load, 0.05) ** 1.5
+        self.battery = battery_model.drained(self.battery, self.config.battery_wh, rotors_w, self.dt_s)

@@ -63,6 +63,11 @@ class Peer:
             )
         )
 
+    def attitude(self, mask: int = 0, q: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0), **fields: float) -> None:
+        names = ("body_roll_rate", "body_pitch_rate", "body_yaw_rate", "thrust")
+        values = (fields.get(n, 0.0) for n in names)
+        self.send(mavlink.MAVLink_set_attitude_target_message(0, 1, 1, mask, q, *values))
+
     def collect(self, t_s: float) -> None:
         while True:
             try:
@@ -90,14 +95,16 @@ class Rig:
         self.companion = Peer(config.onboard, 1, COMPANION)
         self.station = Peer(config.ground, 255, GROUND_STATION)
         self.truth = Peer(config.truth, 245, COMPANION)
+        self.t_s = 0.0
+        """Time since the rig began, s: it goes on through a reboot."""
         self.peers = (self.companion, self.station, self.truth)
 
     def run(self, duration_s: float) -> None:
-        until_s = self.vehicle.t_s + duration_s
-        while self.vehicle.t_s < until_s:
+        for _ in range(round(duration_s / self.vehicle.dt_s)):
             self.autopilot.cycle()
+            self.t_s += self.vehicle.dt_s
             for peer in self.peers:
-                peer.collect(self.vehicle.t_s)
+                peer.collect(self.t_s)
 
     def take_off(self) -> None:
         self.run(4.6)

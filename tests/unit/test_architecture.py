@@ -44,6 +44,7 @@ SHELLS = (
     "simulation/world/gl.py",  # the renderer's driver
     "simulation/autopilot/link.py",
     "simulation/autopilot/mavlink.py",
+    "simulation/autopilot/commands.py",
     "simulation/autopilot/telemetry.py",
     "simulation/autopilot/rates.py",  # MAVLink
 )
