@@ -40,6 +40,10 @@ _HEARTBEAT, _ATTITUDE = "HEARTBEAT", "ATTITUDE_QUATERNION"
 _SET_MESSAGE_INTERVAL = 511
 _ACCEPTED = 0
 _RESULTS = {1: "TEMPORARILY_REJECTED", 2: "DENIED", 3: "UNSUPPORTED", 4: "FAILED", 6: "CANCELLED"}
+_CURES = {
+    "WRONG_TYPE": "it is of the other type; configure 1 for an integer parameter, 1.0 for a float",
+    "TIMEOUT": "no answer; does this version of the autopilot have it?",
+}
 _ATTITUDES = 100
 _PATIENCE = 10  # looks of 0.5 s
 
@@ -75,6 +79,7 @@ class AutopilotLink:
         self._recognised: tuple[int, int] | None = None
         self._dialect: Dialect = UNKNOWN
         self._unfit = ""
+        self._fault = ""
         self._subscribed: set[str] = set()
         self._heard_ns = 0
         self._started_ns = time.monotonic_ns()
@@ -268,7 +273,11 @@ class AutopilotLink:
         if param is None or direct is None or dialect is UNKNOWN:
             return ActionResult(action, False, "no autopilot")
         if action.kind is Kind.PARAMETERS:
-            return _parameters(param, action, lambda: self._todo.empty() and not self._stop.is_set())
+            result = _parameters(param, action, lambda: self._todo.empty() and not self._stop.is_set())
+            if result.text and result.text != self._fault:
+                log.warning("autopilot parameters: %s", result.text)
+            self._fault = result.text
+            return result
         for command in dialect.commands(action.kind, self._decoder.now.mode, action.height_m):
             ok, text = self._command(direct, command)
             if not ok:
@@ -316,7 +325,8 @@ def _parameters(param: Param, action: Action, idle: Callable[[], bool]) -> Actio
                 log.info("autopilot parameter %s: %g -> %g", name, values[name], wanted)
                 values[name] = float(read(name))
         except MavsdkError as error:
-            faults.append(f"{name}: {getattr(getattr(error, 'result', None), 'name', error)}")
+            reason = getattr(getattr(error, "result", None), "name", str(error))
+            faults.append(f"{name}: {_CURES.get(reason, reason)}")
             continue
         if not _equal(values[name], wanted):
             faults.append(f"{name}: got {values[name]:g}, expected {wanted:g}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 
@@ -18,14 +19,14 @@ _ARM, _TAKEOFF, _MODE = 400, 22, 176
 
 @pytest.fixture
 def start() -> Iterator[Callable[..., tuple[ArduCopter, HelmRig]]]:
-    """Starts a copter and a helm on it, with arguments for the copter."""
+    """Starts a copter and a helm on it, with settings for helm and arguments for the copter."""
     opened: list[ArduCopter | HelmRig] = []
 
-    def begin(**copter: int) -> tuple[ArduCopter, HelmRig]:
+    def begin(settings: dict[str, Any] | None = None, **copter: int) -> tuple[ArduCopter, HelmRig]:
         (port,) = free_ports(1)
         vehicle = ArduCopter(port, **copter)
         opened.append(vehicle)
-        rig = HelmRig(port, takeoff_height_m=3.0)
+        rig = HelmRig(port, takeoff_height_m=3.0, **settings or {})
         opened.append(rig)
         return vehicle, rig
 
@@ -142,3 +143,10 @@ def test_what_helm_cannot_fly_is_refused_in_one_line_and_gets_no_command(start, 
     takeoff = rig.call("takeoff")
     assert takeoff.answer and takeoff.answer.outcome == "refused" and text in takeoff.answer.reason
     assert not vehicle.commands and not vehicle.setpoints
+
+
+def test_a_parameter_that_cannot_be_read_is_named_with_its_cure(start, caplog: pytest.LogCaptureFixture):
+    _, rig = start(settings={"ardupilot_parameters": {"GUID_TIMEOUT": 1, "FS_EKF_ACTION": 1}})
+    found = "GUID_TIMEOUT: it is of the other type; configure 1 for an integer parameter, 1.0 for a float"
+    assert rig.go(6.0, lambda: found in caplog.text), caplog.text
+    assert not rig.gate_open()
