@@ -110,7 +110,7 @@ def clocks(config: Config, sides: tuple[Side, ...]) -> Iterator[Finding]:
         if bus is None:
             return
         heard = hear(bus, ("session", "health/helm"), 2.6)
-        for received in heard["session"][-1:]:
+        for received in heard["session"][-1:] if side == "ground" else ():
             session: Session = received.message
             now_utc_ns = time.time_ns() - (time.monotonic_ns() - received.received_ns)
             offset_s = (now_utc_ns - session.utc_ns) / 1e9
@@ -122,6 +122,8 @@ def clocks(config: Config, sides: tuple[Side, ...]) -> Iterator[Finding]:
         for received in heard["health/helm"][-1:]:
             health: Health = received.message
             drift = health.metrics.get("clock_drift", 0.0)
+            if drift == 0.0:
+                continue  # not measured: no autopilot, or one of less than two seconds
             text = f"this machine gains {drift:+.1%} on it, which helm corrects"
             if abs(drift) > _DRIFT:
                 yield warning("autopilot's clock", text + " up to 5 %", "look for what slows the autopilot down")

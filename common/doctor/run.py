@@ -42,7 +42,7 @@ CHECKS = (
     Check("machine", "common.doctor.host:machine"),
     Check("packages", "common.doctor.packages:packages"),
     Check("clock", "common.doctor.host:clock"),
-    Check("graphics", "simulation.doctor.graphics:graphics", ("sim",)),
+    Check("graphics", "simulation.doctor.graphics:graphics", ("sim",), limit_s=9.5),
     Check("ports of the simulation", "simulation.doctor.ports:ports", ("sim",)),
     Check("ports of the vehicle", "onboard.doctor.ports:ports", ("onboard",)),
     Check("ports of the ground", "ground.doctor.station:ports", ("ground",)),
@@ -126,5 +126,5 @@ def doctor(config: Config, sides: Sequence[Side], as_json: bool, out: TextIO | N
             if f.cure:  # on a line of its own: found and cure side by side are wider than a terminal
                 rows.append(("", "", f"→ {f.cure}"))
         print_table(rows, out)
-        print(f"{counts['ok']} ok, {counts['warning']} warnings, {counts['fault']} faults", file=out or sys.stdout)
+        print(f"faults: {counts['fault']}, warnings: {counts['warning']}, ok: {counts['ok']}", file=out or sys.stdout)
     return 1 if counts["fault"] else 0

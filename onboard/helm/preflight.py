@@ -73,12 +73,12 @@ def _link(telemetry: Telemetry, config: HelmConfig, t_ns: int) -> PreflightItem:
 
 def _estimate(telemetry: Telemetry, t_ns: int) -> PreflightItem:
     age_s = telemetry.estimate_age_s(t_ns)
-    found = f"{max(age_s, 0.0):.1f} s old" if math.isfinite(age_s) else "none"
+    found = f"an estimate {max(age_s, 0.0):.1f} s old" if math.isfinite(age_s) else "no estimate"
     return _item(
         "position and attitude",
         age_s < _ESTIMATE_AGE_S,
         "healthy",
-        f"got an estimate {found}, expected at most {_ESTIMATE_AGE_S:g} s; wait for the position fix",
+        f"got {found}, expected at most {_ESTIMATE_AGE_S:g} s; wait for the position fix",
     )
 
 

@@ -11,7 +11,7 @@ from common.config import Config
 from common.doctor.finding import Finding, fault, ok, warning
 from common.geometry.config import CamerasConfig
 
-_LIMIT_S = 7.0
+_LIMIT_S = 9.0
 
 
 def graphics(config: Config, sides: tuple[str, ...]) -> Iterator[Finding]:

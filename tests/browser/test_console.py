@@ -170,13 +170,20 @@ def test_alarms_say_what_to_do_and_leave_the_buttons_in_place(view: View, vehicl
 
 
 def test_failing_preflight_items_are_listed_with_reasons(view: View, vehicle: ScriptedVehicle) -> None:
-    vehicle.script.preflight = (*CHECKS, PreflightItem(name="COM_OF_LOSS_T", ok=False, detail="got 5 s, expected 1 s"))
+    vehicle.script.preflight = (
+        *CHECKS,
+        PreflightItem(name="COM_OF_LOSS_T", ok=False, detail="got 5 s, expected 1 s; write it"),
+    )
     vehicle.script.in_air, vehicle.script.armed, vehicle.script.state = False, False, "standby"
     view.wait_text("Not ready to fly: COM_OF_LOSS_T")
     view.page.get_by_text("Checks", exact=True).first.click()
     view.wait_text("fused, 0.3 m")
+    view.wait_text(f"Gate closed: 1 of {len(CHECKS) + 1} checks fail")
+    assert view.page.get_by_text("Write it", exact=True).is_visible()
     wait_for(lambda: view.text().count("got 5 s, expected 1 s") >= 2, what="the reason in the list and in the alarm")
     assert "COM_OF_LOSS_T" in view.text()
+    vehicle.script.preflight = CHECKS
+    view.wait_text(f"Gate open: all {len(CHECKS)} checks pass")
 
 
 def test_silent_helm_is_an_alarm_and_its_old_words_go(view: View, vehicle: ScriptedVehicle) -> None:

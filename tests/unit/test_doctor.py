@@ -104,7 +104,7 @@ def test_faults_are_the_exit_code_and_each_has_its_cure_below(monkeypatch: pytes
     assert table.getvalue().splitlines()[1:] == [
         "✗  heart      still",
         "              → call for help",
-        "0 ok, 0 warnings, 1 faults",
+        "faults: 1, warnings: 0, ok: 0",
     ]
     shown = json.loads(plain.getvalue())
     assert shown["fault"] == 1 and shown["findings"][0]["cure"] == "call for help"
@@ -147,6 +147,12 @@ def test_a_clock_that_steps_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     assert only(steps).severity == "warning" and "within 0.5 s" in only(steps).found
 
 
+def test_a_renderer_that_hangs_is_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("simulation.doctor.graphics._LIMIT_S", 0.05)
+
+    assert only(graphics(quiet_config(), ("sim",))).found == "no picture in 0.05 s"
+
+
 def test_missing_and_old_packages_are_faults() -> None:
     installed = {"numpy": "2.4.1", "mavsdk": "5.0.0", "mcap": "1.6rc1"}
 
@@ -170,6 +176,13 @@ def test_missing_and_old_packages_are_faults() -> None:
     assert good.found.startswith("2 in accepted versions")
 
 
+@pytest.fixture
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The start of a renderer takes seconds where other tests share the cores."""
+    monkeypatch.setattr("simulation.doctor.graphics._LIMIT_S", 60.0)
+
+
+@pytest.mark.usefixtures("patient")
 def test_a_picture_is_rendered_and_timed() -> None:
     found = only(graphics(quiet_config(), ("sim",)))
 
@@ -177,6 +190,7 @@ def test_a_picture_is_rendered_and_timed() -> None:
     assert "640x480 in" in found.found
 
 
+@pytest.mark.usefixtures("patient")
 @pytest.mark.parametrize(
     ("variable", "value"), [("MUJOCO_GL", "nonsense"), ("__EGL_VENDOR_LIBRARY_FILENAMES", "/nowhere")]
 )
@@ -244,7 +258,8 @@ def test_a_folder_that_cannot_be_written_is_a_fault_and_a_full_disk_too(
 # ---------------------------------------------------------------- routers and camera
 
 
-def test_absent_routers_are_a_warning_and_a_stranger_on_the_port_is_a_fault() -> None:
+def test_absent_routers_are_a_warning_and_a_stranger_on_the_port_is_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("common.doctor.routers._OPEN_S", 0.1)
     config = quiet_config()
     assert [f.severity for f in routers(config, ("onboard", "ground"))] == ["warning", "warning"]
     port = int(config.section(BusConfig).onboard_router.rsplit(":", 1)[1])

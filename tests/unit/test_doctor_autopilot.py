@@ -42,6 +42,12 @@ def flying(ports: list[int], **parameters: float) -> Iterator[AutopilotProcess]:
     process.close()
 
 
+@pytest.fixture(autouse=True)
+def short_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No router is there in these tests."""
+    monkeypatch.setattr("common.doctor.routers._OPEN_S", 0.1)
+
+
 def look(port: int) -> dict[str, Finding]:
     absent = f"tcp/127.0.0.1:{free_tcp_ports(1)[0]}"
     url = f"udpin://127.0.0.1:{port}"
@@ -62,7 +68,8 @@ def test_a_wrong_parameter_is_found_and_nothing_is_changed() -> None:
     assert kept == 60.0
 
 
-def test_silence_is_said_with_its_cure() -> None:
+def test_silence_is_said_with_its_cure(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("onboard.doctor.autopilot._FIND_S", 0.5)
     found = look(free_ports(1)[0])["autopilot"]
 
     assert found.severity == "warning" and "outrider sim" in found.cure
