@@ -97,6 +97,12 @@ def _parser() -> argparse.ArgumentParser:
     _add_preflight(sub)
     _add_doctor(sub)
     _add_demo(sub)
+    password = sub.add_parser(
+        "console-password",
+        help="Set the console's password",
+        description="Ask for the console's password (or read it from a pipe) and write its salted hash, mode 0600.",
+    )
+    password.add_argument("file", metavar="FILE", help="the file that console.password_file names")
     sub.add_parser("bench", help="Run a benchmark", add_help=False)  # reads its arguments itself, -h among them
     return parser
 
@@ -253,6 +259,10 @@ def _run_demo(args: argparse.Namespace) -> int:
     return load_object("simulation.demo.run:main")(args)
 
 
+def _run_console_password(args: argparse.Namespace) -> int:
+    return load_object("ground.console.password:ask_and_write")(args.file)
+
+
 def _run_bench(args: argparse.Namespace) -> int:
     return load_object("benchmarks.run:main")(args.arguments)
 
@@ -267,6 +277,7 @@ _ACTIONS = {
     "preflight": _run_preflight,
     "doctor": _run_doctor,
     "demo": _run_demo,
+    "console-password": _run_console_password,
     "bench": _run_bench,
 }
 

@@ -2,18 +2,38 @@
 
 from __future__ import annotations
 
+import ipaddress
 from typing import Annotated
+from urllib.parse import urlsplit
 
 import msgspec
 
 from common.config import ConfigError, Fraction, NonNegative, Port, Positive, Section
 
 
+def is_loopback(host: str) -> bool:
+    """Whether a server on this address can be reached from its own machine alone."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
 class ConsoleConfig(Section, frozen=True, kw_only=True):
     """Where the console listens, what it shows and when it warns."""
 
     host: str = "127.0.0.1"
-    """Address on which the page is served. Whoever reaches it can fly the vehicle: there is no password."""
+    """Address on which the page is served. One that others can reach needs `password_file`."""
+    password_file: str = ""
+    """File with the password's hash, made by `outrider console-password`; empty: no password, on loopback only."""
+    origins: tuple[str, ...] = ()
+    """Origins of pages that may connect besides the console's own: a reverse proxy's, `https://console.example`."""
+    tls_certificate: str = ""
+    """PEM file with the certificate (chain) of the page; empty: plain HTTP."""
+    tls_key: str = ""
+    """PEM file with the certificate's key."""
     port: Port = 8080
     """TCP port of the page."""
     picture_rate_hz: Annotated[float, msgspec.Meta(gt=0, le=15)] = 15.0
@@ -38,9 +58,8 @@ class ConsoleConfig(Section, frozen=True, kw_only=True):
     """Nodes whose absence is an alarm."""
 
     def check(self) -> None:
-        """Refuse an empty address, thresholds in the wrong order, and essential nodes that are not shown."""
-        if not self.host.strip():
-            raise ConfigError("host: got an empty address, expected one such as 127.0.0.1")
+        """Refuse a console open to others, thresholds in the wrong order, and essential nodes that are not shown."""
+        self._check_access()
         if self.battery_empty_fraction > self.battery_low_fraction:
             raise ConfigError(
                 f"battery_empty_fraction: got {self.battery_empty_fraction}, expected at most "
@@ -52,3 +71,19 @@ class ConsoleConfig(Section, frozen=True, kw_only=True):
         unknown = [name for name in self.essential_nodes if name not in self.nodes]
         if unknown:
             raise ConfigError(f"essential_nodes: got {unknown[0]!r}, expected some of nodes = {', '.join(self.nodes)}")
+
+    def _check_access(self) -> None:
+        if not self.host.strip():
+            raise ConfigError("host: got an empty address, expected one such as 127.0.0.1")
+        if not is_loopback(self.host) and not self.password_file:
+            raise ConfigError(
+                f"host: got {self.host!r}, which others can reach, without a password; make one with "
+                f"`outrider console-password FILE` and set console.password_file, or use 127.0.0.1"
+            )
+        if bool(self.tls_certificate) != bool(self.tls_key):
+            raise ConfigError("tls_certificate: got one of tls_certificate and tls_key, expected both or neither")
+        for origin in self.origins:
+            parts = urlsplit(origin)
+            whole = parts.netloc and origin == f"{parts.scheme}://{parts.netloc}"
+            if parts.scheme not in ("http", "https") or not whole:
+                raise ConfigError(f"origins: got {origin!r}, expected one such as https://console.example, no path")

@@ -1,19 +1,26 @@
-"""The web server of the page: bound where it is told, to the port it is told, open to its own pages only."""
+"""The web server of the page: bound where it is told, to the port it is told, with the gate before every request."""
 
 from __future__ import annotations
 
-import ipaddress
 import logging
 import socket
+import ssl
 import warnings
-from urllib.parse import urlsplit
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from inspect import isawaitable
+from typing import Any
 
 import rich
 import viser
-from viser.infra import WebsockClientConnection
+import websockets.asyncio.server
+from websockets.asyncio.server import ServerConnection
+from websockets.http11 import Request, Response
 
 from common.config import ConfigError
-from ground.console.config import ConsoleConfig
+from ground.console.config import ConsoleConfig, is_loopback
+from ground.console.gate import Gate
+from ground.console.password import read_hash
 
 log = logging.getLogger(__name__)
 
@@ -35,8 +42,13 @@ def open_server(config: ConsoleConfig, label: str) -> PageServer:
         label: title of the panel.
 
     Raises:
-        ConfigError: the address is not one of this machine, or the port is taken.
+        ConfigError: the address is not one of this machine, the port is taken, or the password file or the
+            certificate cannot be used.
     """
+    open_to_others = not is_loopback(config.host)
+    password = read_hash(config.password_file) if config.password_file else None
+    tls = _tls(config)
+    gate = Gate(password, not open_to_others, config.origins, config.port, tls is not None)
     _probe(config.host, config.port)
     # A port that is opened and closed again (a health check) would be worth a traceback to this logger.
     logging.getLogger("websockets").setLevel(logging.CRITICAL)
@@ -44,17 +56,75 @@ def open_server(config: ConsoleConfig, label: str) -> PageServer:
     rich.get_console().quiet = True
     # A browser that leaves while its picture is being drawn is no fault.
     warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")
-    server = PageServer(host=config.host, port=config.port, label=label, verbose=False)
+    with _gate_before_every_request(gate, tls):
+        server = PageServer(host=config.host, port=config.port, label=label, verbose=False)
     if server.get_port() != config.port:  # it moves on to the next port by itself
         server.stop()
         raise ConfigError(_taken(config.host, config.port))
-    _refuse_foreign_pages(server, loopback_only=_is_loopback(config.host))
-    log.info("console on http://%s:%d", "localhost" if _is_loopback(config.host) else config.host, config.port)
-    if not _is_loopback(config.host):
+    scheme = "http" if tls is None else "https"
+    log.info("console on %s://%s:%d", scheme, config.host if open_to_others else "localhost", config.port)
+    if open_to_others and tls is None:
         log.warning(
-            "the console has no password, and whoever reaches %s:%d can fly the vehicle", config.host, config.port
+            "the console's password and pages cross the network unencrypted; set console.tls_certificate and "
+            "console.tls_key, or put a reverse proxy with TLS before a console on 127.0.0.1"
         )
     return server
+
+
+@contextmanager
+def _gate_before_every_request(gate: Gate, tls: ssl.SSLContext | None) -> Iterator[None]:
+    """While it lasts, a server that the library opens asks the gate first, and speaks TLS.
+
+    The library has no hook for either: it hands its own `process_request` to `websockets.asyncio.server.serve`, which
+    it looks up at the moment of opening. This is the one place that relies on it.
+
+    Raises:
+        ConfigError: this version of viser opened its server in another way, which would leave the console open.
+    """
+    serve: Callable[..., Any] = websockets.asyncio.server.serve
+    guarded = False
+
+    def open_guarded(*arguments: Any, process_request: Callable[..., Any], **options: Any) -> Any:
+        nonlocal guarded
+
+        async def ask_first(connection: ServerConnection, request: Request) -> Response | None:
+            answer = await gate.refuse(connection, request)
+            if answer is None:
+                answer = process_request(connection, request)
+                answer = await answer if isawaitable(answer) else answer
+            if answer is not None:
+                answer.headers["X-Frame-Options"] = "DENY"  # no other page may lay itself over the buttons
+            return answer
+
+        guarded = True
+        return serve(*arguments, process_request=ask_first, ssl=tls, **options)
+
+    websockets.asyncio.server.serve = open_guarded  # type: ignore[assignment,misc]
+    try:
+        yield
+    finally:
+        websockets.asyncio.server.serve = serve  # type: ignore[assignment,misc]
+    if not guarded:
+        raise ConfigError(
+            f"console: viser {viser.__version__} opens its server in a way that Outrider does not know, so nothing "
+            f"would check who connects; install viser 1.1"
+        )
+
+
+def _tls(config: ConsoleConfig) -> ssl.SSLContext | None:
+    if not config.tls_certificate:
+        return None
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.minimum_version = ssl.TLSVersion.TLSv1_2
+    try:
+        # An empty password: a key that has one fails here instead of asking at a terminal that nobody watches.
+        context.load_cert_chain(config.tls_certificate, config.tls_key, password="")
+    except (OSError, ValueError) as error:
+        raise ConfigError(
+            f"console.tls_certificate, console.tls_key: {config.tls_certificate!r} and {config.tls_key!r} cannot be "
+            f"used ({error}); expected PEM files of one certificate and its key, without a password"
+        ) from None
+    return context
 
 
 def _probe(host: str, port: int) -> None:
@@ -86,46 +156,3 @@ def _taken(host: str, port: int) -> str:
         f"console.port: {port} on {host} is taken, by another console or another program; stop it, or choose "
         f"another port with --set console.port={port + 1}"
     )
-
-
-def _is_loopback(host: str) -> bool:
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
-
-
-def may_connect(origin: str | None, host: str | None, loopback_only: bool) -> bool:
-    """Whether a websocket comes from a page that this server itself delivered.
-
-    A page of any web site that the operator has open could otherwise connect to a console on the same machine and
-    command the vehicle: browsers let websockets cross origins, and a name server can point any name to 127.0.0.1.
-
-    Args:
-        origin: `Origin` header; absent from programs that are no browsers.
-        host: `Host` header.
-        loopback_only: whether the server is bound to this machine alone.
-    """
-    if origin is None:
-        return True
-    page = urlsplit(origin)
-    if host is None or page.netloc != host:
-        return False
-    return not loopback_only or page.hostname in ("localhost", "127.0.0.1", "::1")
-
-
-def _refuse_foreign_pages(server: PageServer, loopback_only: bool) -> None:
-    # The library has no such check and no public hook for one. This callback runs before it reads a client's first
-    # message; its connection object is found where the library keeps it.
-    websockets = server._websock_server
-
-    async def check(client: WebsockClientConnection) -> None:
-        connection = websockets._live_connections[client.client_id]
-        headers = connection.request.headers if connection.request is not None else {}
-        if not may_connect(headers.get("Origin"), headers.get("Host"), loopback_only):
-            log.warning("refused a page from %s", headers.get("Origin"))
-            await connection.close(1008, "this page was not delivered by this console")
-
-    websockets.on_client_connect(check)

@@ -12,6 +12,7 @@ import time
 import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from urllib.error import HTTPError
 
 import cv2
 import msgspec
@@ -70,13 +71,14 @@ class Console:
     Args:
         bus_config: routers.
         port: of the page.
-        log: file that gets its standard error.
+        log: file that its standard error is added to.
+        settings: more of its section.
     """
 
-    def __init__(self, bus_config: BusConfig, port: int, log: Path):
+    def __init__(self, bus_config: BusConfig, port: int, log: Path, settings: dict[str, object] | None = None):
         self.url = f"http://127.0.0.1:{port}"
-        tables = {"bus": msgspec.to_builtins(bus_config), "console": {"port": port}}
-        self._log = log.open("wb")
+        tables = {"bus": msgspec.to_builtins(bus_config), "console": {"port": port, **(settings or {})}}
+        self._log = log.open("ab")
         self.process = subprocess.Popen(
             [sys.executable, "-m", "tests.browser.console_process", json.dumps(tables)],
             cwd=ROOT,
@@ -90,6 +92,8 @@ class Console:
         try:
             with urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=5) as answer:
                 return answer.status == 200
+        except HTTPError as answer:
+            return answer.code == 401  # it listens, and asks for its password
         except OSError:
             return False
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 import viser
-from websockets import ConnectionClosed, Origin, Subprotocol
+from websockets import InvalidStatus, Origin, Subprotocol
 from websockets.sync.client import connect
 
 from common.config import Config, ConfigError
@@ -29,8 +29,9 @@ from ground.console.commands import (
     by_operator,
 )
 from ground.console.config import ConsoleConfig
+from ground.console.gate import may_connect
 from ground.console.node import ConsoleNode
-from ground.console.server import may_connect, open_server
+from ground.console.server import open_server
 from ground.console.style import style_html
 from ground.console.watch import LifeWatch
 
@@ -151,11 +152,9 @@ def test_page_of_another_site_is_thrown_out_before_it_can_command() -> None:
     server = open_server(ConsoleConfig(port=port), "test")
     try:
         protocol = Subprotocol(f"viser-v{viser.__version__}")
-        with connect(f"ws://127.0.0.1:{port}", origin=Origin("https://evil.example"), subprotocols=[protocol]) as site:
-            with pytest.raises(ConnectionClosed) as closed:
-                site.recv(timeout=5)
-            assert closed.value.rcvd is not None
-            assert closed.value.rcvd.code == 1008
+        with pytest.raises(InvalidStatus) as refused:
+            connect(f"ws://127.0.0.1:{port}", origin=Origin("https://evil.example"), subprotocols=[protocol])
+        assert refused.value.response.status_code == 403
         own = Origin(f"http://127.0.0.1:{port}")
         with connect(f"ws://127.0.0.1:{port}", origin=own, subprotocols=[protocol]) as page:
             assert page.recv(timeout=5)
