@@ -60,7 +60,7 @@ def drawn(base: ScenarioConfig, seed: int) -> ScenarioConfig:
     """The base scenario with another road, another car and the bridge elsewhere."""
     rng = np.random.default_rng((seed, 77))
     path = _road(rng)
-    car = msgspec.structs.replace(base.car, path=path, **_paint(rng))
+    car = msgspec.structs.replace(base.car, path=path, **paint(rng))
     return msgspec.structs.replace(base, seed=seed, car=car, occluders=(_bridge(path, rng),))
 
 
@@ -97,7 +97,7 @@ def _ahead(point: tuple[float, float], heading_rad: float, by_m: float) -> tuple
     return point[0] + by_m * math.cos(heading_rad), point[1] + by_m * math.sin(heading_rad)
 
 
-def _paint(rng: np.random.Generator) -> dict[str, str]:
+def paint(rng: np.random.Generator) -> dict[str, str]:
     """Colours of the car's parts: two strong ones, a light roof, a stripe."""
     hue = float(rng.uniform())
     parts = {"bonnet": (hue, 0.85), "boot": (hue + rng.uniform(0.25, 0.75), 0.8), "stripe": (rng.uniform(), 0.9)}

@@ -11,6 +11,7 @@ import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 from typing import Any
 
 import cv2
@@ -19,21 +20,26 @@ import numpy as np
 
 from common.config import Config
 from common.geometry.config import CamerasConfig
-from common.messages import Request, Truth
+from common.geometry.rotation import euler_from_quat, quat_rotate, wrap_angle
+from common.messages import Truth
 from common.tracking.base import Tracker
 from common.tracking.registry import make_tracker
 from ground.pursuit.config import PursuitConfig
-from ground.pursuit.control import Pose
+from ground.pursuit.node import request_of
 from ground.pursuit.pursuer import Pursued, Pursuer
+from ground.pursuit.view import Pose
 from onboard.camera.config import VideoConfig
 from onboard.helm.arbiter import Candidate, arbitrate
 from onboard.helm.config import HelmConfig
+from onboard.helm.dialect.px4 import PX4
 from onboard.helm.pilot import Pilot, View
+from onboard.helm.setpoint import LocalSetpoint
 from onboard.helm.telemetry import AttitudeSample, PositionSample, Telemetry
 from onboard.limiter.config import LimiterConfig
 from simulation.autopilot.config import AutopilotSimConfig
-from simulation.autopilot.control import NAN, MotionSetpoint
+from simulation.autopilot.control import heading
 from simulation.autopilot.modes import Mode
+from simulation.autopilot.setpoints import decode
 from simulation.autopilot.vehicle import SimulatedVehicle
 from simulation.demo.mission import box_of_corners
 from simulation.demo.report import ChaseRecorder
@@ -45,6 +51,8 @@ from simulation.world.truth_filter import Motion
 _SEC_NS = 1_000_000_000
 _TO_SETPOINT_NS = 25_000_000
 _TAKEOFF_S = 60.0
+_SLOPE_S = 0.5
+_COURSE_GAIN_1_S = 0.3
 
 
 @dataclass
@@ -65,10 +73,13 @@ class Episode:
         config: sections of all processes, as they would read them.
         scenario: what the world shows.
         seed: of world, vehicle and tracker.
-        height_m: height of the chase, m.
+        height_m: height of the chase, m; or its course, a function of the time since the chase began, s. A course is
+            flown as an operator's climb and sink would be; the chase law then leaves the height alone.
     """
 
-    def __init__(self, config: Config, scenario: ScenarioConfig, seed: int, height_m: float = 5.0):
+    def __init__(
+        self, config: Config, scenario: ScenarioConfig, seed: int, height_m: float | Callable[[float], float] = 5.0
+    ):
         self.recorder = ChaseRecorder(selections=1)
         self.trace = Trace()
         self._camera = config.section(CamerasConfig).down.camera()
@@ -77,6 +88,8 @@ class Episode:
         autopilot = msgspec.structs.replace(config.section(AutopilotSimConfig), seed=seed, clock_rate=1.0)
         self._vehicle = SimulatedVehicle(autopilot)
         section = msgspec.structs.replace(config.section(PursuitConfig), seed=seed)
+        if callable(height_m):
+            section = msgspec.structs.replace(section, climb_m=0.0)
         rng = np.random.default_rng(seed)
         self._pursuit = section
         self._pursuer = Pursuer(section, lambda: make_tracker(section.tracker, config, rng))
@@ -85,7 +98,9 @@ class Episode:
         self._jpeg = [cv2.IMWRITE_JPEG_QUALITY, config.section(VideoConfig).jpeg_quality]
         self._period_ns = round(1e9 / self._camera.rate_hz)
         self._request: Candidate | None = None
-        self._height_m = height_m
+        self._course = height_m if callable(height_m) else None
+        self._height_m = height_m(0.0) if callable(height_m) else height_m
+        self._begun_ns = 0
 
     def use(self, tracker: Callable[[], Tracker]) -> None:
         """Chase with another tracker than the configured one."""
@@ -100,7 +115,7 @@ class Episode:
         cv2.setNumThreads(1)
         try:
             self._take_off()
-            start_ns = self._now_ns()
+            start_ns = self._begun_ns = self._now_ns()
             selected = False
             for index in itertools.count():
                 capture_ns = start_ns + index * self._period_ns
@@ -134,7 +149,7 @@ class Episode:
             vehicle.step()
             if round(vehicle.t_s / vehicle.dt_s) % 12 == 0:
                 self._stage.place(self._motion(self._now_ns()))  # cars set off once the vehicle is airborne
-        self._send(0.0, 0.0, -self._height_m, 0.0)
+        self._send(LocalSetpoint(0.0, 0.0, -self._height_m, 0.0, 0.0))
         vehicle.step()
         vehicle.command(Mode.OFFBOARD)
         self._pilot.reset(self._telemetry(self._now_ns()), self._now_ns(), self._height_m)
@@ -148,9 +163,9 @@ class Episode:
     def _obey(self, pursued: Pursued | None, capture_ns: int) -> None:
         """What helm does with the request, at the time when its setpoint would reach the autopilot."""
         if pursued is not None and pursued.wish is not None:
-            wish = pursued.wish
-            vector = (float(wish.ned_v_m_s[0]), float(wish.ned_v_m_s[1]), -wish.climb_m_s)
-            request = Request(frame="ned", vector=vector, yaw_rate_rad_s=wish.yaw_rate_rad_s)
+            request = request_of(pursued.wish)
+            north, east, down = request.vector
+            request = msgspec.structs.replace(request, vector=(north, east, down - self._climb_of_course(capture_ns)))
             self._request = Candidate("pursuit", request, capture_ns, capture_ns + _TO_SETPOINT_NS)
         t_ns = capture_ns + _TO_SETPOINT_NS
         self._step_until(t_ns)
@@ -160,16 +175,24 @@ class Episode:
         verdict = arbitrate(candidates, t_ns, yaw_rad, self._helm.freshness_s)
         flown = self._pilot.fly(verdict, telemetry, View(None), t_ns)
         if flown is not None:
-            local = flown.local
-            self._send(local.north_m_s, local.east_m_s, local.local_z_m, local.yaw_rate_rad_s)
+            self._send(flown.local)
 
-    def _send(self, north_m_s: float, east_m_s: float, z_m: float, yaw_rate_rad_s: float) -> None:
-        self._vehicle.take_setpoint(
-            MotionSetpoint((NAN, NAN, z_m), (north_m_s, east_m_s, NAN), yaw_rate_rad_s=yaw_rate_rad_s)
-        )
+    def _climb_of_course(self, t_ns: int) -> float:
+        """Upward velocity that keeps to the course of the height, m/s; 0 without one."""
+        if self._course is None:
+            return 0.0
+        t_s = (t_ns - self._begun_ns) / 1e9
+        slope_m_s = (self._course(t_s + _SLOPE_S) - self._course(t_s)) / _SLOPE_S
+        return slope_m_s + _COURSE_GAIN_1_S * (self._course(t_s) + self._vehicle.estimate.ned_p_m[2])
+
+    def _send(self, local: LocalSetpoint) -> None:
+        """Hand a setpoint to the autopilot as it comes off the wire."""
+        fields = PX4.setpoint(local)
+        self._vehicle.take_setpoint(decode(SimpleNamespace(**fields), heading(self._vehicle.estimate.ned_q_body)))
 
     def _note(self, truth: Truth, pursued: Pursued | None, capture_ns: int) -> None:
         error_m = math.dist(truth.ned_p_m[:2], truth.target_ned_p_m[:2])
+        yaw_rad = euler_from_quat(np.array(truth.ned_q_body))[2]
         self.recorder.errors_m.append(error_m)
         self.recorder.heights_m.append(-truth.ned_p_m[2])
         if pursued is not None:
@@ -178,6 +201,16 @@ class Episode:
             {
                 "t_s": capture_ns / 1e9,
                 "error_m": error_m,
+                "axis_error_m": self._axis_error_m(truth),
+                "yaw_error_rad": wrap_angle(truth.target_heading_rad - yaw_rad),
+                "north_m": truth.ned_p_m[0],
+                "east_m": truth.ned_p_m[1],
+                "target_north_m": truth.target_ned_p_m[0],
+                "target_east_m": truth.target_ned_p_m[1],
+                "target_heading_rad": truth.target_heading_rad,
+                "yaw_rad": yaw_rad,
+                "covered": self._stage.covered,
+                "in_picture": bool(truth.target_corners_px),
                 "height_m": -truth.ned_p_m[2],
                 "visible": truth.target_visible,
                 "seen": pursued is not None and pursued.seen,
@@ -188,6 +221,17 @@ class Episode:
                 "target_m_s": math.hypot(*truth.target_ned_v_m_s[:2]),
             }
         )
+
+    def _axis_error_m(self, truth: Truth) -> float:
+        """Distance between the car's centre and where the tilted optical axis meets its height, m."""
+        axis = quat_rotate(
+            np.array(truth.ned_q_body), quat_rotate(self._camera.body_q_camera, np.array([0.0, 0.0, 1.0]))
+        )
+        if axis[2] <= 0.0:
+            return math.inf
+        eye = np.array(truth.ned_p_m) + quat_rotate(np.array(truth.ned_q_body), self._camera.body_p_camera_m)
+        meets = eye[:2] + axis[:2] / axis[2] * (truth.target_ned_p_m[2] - eye[2])
+        return float(np.linalg.norm(meets - truth.target_ned_p_m[:2]))
 
     def _off_m(self, truth: Truth, pursued: Pursued | None) -> float:
         """Distance between where the tracker has the target and where it is, m."""

@@ -164,11 +164,13 @@ class Setpoint(Message, frozen=True, kw_only=True):
     asked_ned_v_m_s: Vec3
     """Velocity that won the arbitration, NED, m/s."""
     ned_v_m_s: Vec3
-    """Velocity after limiter and containment, as sent, NED, m/s."""
+    """Velocity after limiter and containment, as sent, NED, m/s; with an acceleration, the one that it leads to."""
     height_m: float
     """Height above home that is held, m."""
     yaw_rad: float
     """Heading that is held, rad from north, clockwise."""
+    ned_a_m_s2: tuple[float, float] | None = None
+    """Horizontal acceleration after limiter and containment, as sent, north and east, m/s²; None for a velocity."""
 
 
 class PreflightItem(Message, frozen=True, kw_only=True):
@@ -219,12 +221,13 @@ class HelmStatus(Message, frozen=True, kw_only=True):
 class Request(Message, frozen=True, kw_only=True):
     """A wish for motion from a task or the operator; helm obeys it while it is fresh, finite and within limits."""
 
-    kind: Literal["velocity"] = "velocity"
-    """Domain of `vector`."""
+    kind: Literal["velocity", "acceleration"] = "velocity"
+    """Domain of `vector`: `acceleration` is a tilt (Teulière 2011's orientation), as what it causes."""
     frame: Literal["ned", "heading"]
     """`ned`, or `heading`: x along the vehicle's heading, y to its right, z down."""
     vector: Vec3
-    """Velocity, m/s. The vertical part moves the held height."""
+    """Velocity, m/s; or horizontal acceleration, m/s², beside a vertical velocity, m/s. The vertical part moves the
+    held height in either case."""
     yaw_rate_rad_s: float = 0.0
     """Heading rate, clockwise seen from above, rad/s."""
     valid_ms: float = 300.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 
@@ -10,8 +10,11 @@ from common.config import NonNegative, Positive, Section
 
 
 class PursuitConfig(Section, frozen=True, kw_only=True):
-    """The chase law (Teulière 2011, section III), in its velocity form."""
+    """The chase law (Teulière 2011, section III), in its velocity form and in its orientation form."""
 
+    output: Literal["velocity", "orientation"] = "velocity"
+    """What is asked of helm: a velocity, or as in the paper an orientation, which goes out as the horizontal
+    acceleration that it causes."""
     position_gain_1_s: Positive = 0.9
     """Outer loop: asked closing speed per metre of error, 1/s (Kp of eq. 9)."""
     velocity_gain: NonNegative = 0.45
@@ -41,6 +44,23 @@ class PursuitConfig(Section, frozen=True, kw_only=True):
     """Fastest climb for it, m/s."""
     sink_m_s: Positive = 0.4
     """Fastest descent after it, m/s."""
+    tilt_effort: Positive = 0.01
+    """Orientation: weight of the squared acceleration against the squared position error, s⁴; less is faster."""
+    tilt_max_m_s2: Positive = 3.5
+    """Orientation: largest acceleration that is asked for, what balances wind and drag included, m/s²: 20 degrees."""
+    tilt_lag_s: Positive = 0.1
+    """Orientation: time constant of each of the two lags between commanded and flown acceleration, s. Read off the
+    simulated autopilot's step, which is held to PX4's; the same holds for the delay."""
+    tilt_delay_s: NonNegative = 0.115
+    """Orientation: from capture until the command begins to act, s: 25 ms to the setpoint, 90 ms in the autopilot."""
+    tilt_measurement_m: Positive = 0.02
+    """Orientation: standard deviation of the relative position in a picture, m."""
+    target_agility_m_s2: Positive = 0.5
+    """Orientation: standard deviation of the target's acceleration, m/s² (Singer's model)."""
+    target_agility_s: Positive = 1.5
+    """Orientation: how long such an acceleration lasts, s."""
+    disturbance_s: Positive = 0.7
+    """Orientation: time constant with which wind, drag and a slant of the attitude estimate are learned, s."""
     yaw_gain_1_s: NonNegative = 0.8
     """Heading rate per radian between target and vehicle, 1/s (eq. 10); 0 leaves the heading alone."""
     yaw_rate_rad_s: Positive = 0.6

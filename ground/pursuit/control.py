@@ -23,47 +23,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from common.geometry.camera import Camera, horizontal_tangents
-from common.geometry.rotation import euler_from_quat, quat_conjugate, quat_rotate, wrap_angle
+from common.geometry.camera import Camera
+from common.geometry.rotation import euler_from_quat, wrap_angle
 from common.tracking.base import Expectation
 from ground.pursuit.config import PursuitConfig
 from ground.pursuit.target import TargetFilter
+from ground.pursuit.tilt import TiltLaw
+from ground.pursuit.view import LEAST_HEIGHT_M, Pose, View, off_axis_rad, pixel_of
 
 Array = NDArray[np.float64]
-_NOSE_PX = 20.0
 _GRAVITY_M_S2 = 9.80665
-_LEAST_HEIGHT_M = 0.3
 _LONGEST_STEP_S = 0.2
 _HEIGHT_GAIN_1_S = 0.8
 _HEIGHT_DEADBAND_M = 0.3
 # Shares of the half field of view between which the vehicle climbs to keep its target in the picture.
 _EDGE_FROM, _EDGE_TO = 0.5, 0.9
-
-
-@dataclass(frozen=True)
-class Pose:
-    """The vehicle at a picture's capture time."""
-
-    ned_p_m: Array
-    """Position, NED, m, shape (3,)."""
-    ned_v_m_s: Array
-    """Velocity, NED, m/s, shape (3,)."""
-    ned_q_body: Array
-    """Attitude, (w, x, y, z)."""
-
-
-@dataclass(frozen=True)
-class View:
-    """Where the target is, seen from the vehicle."""
-
-    tangents: Array
-    """North and east tangents of its ray in the level frame, shape (2,); metres per metre of height (eq. 7)."""
-    relative_m: Array
-    """North and east from vehicle to target, m, shape (2,)."""
-    heading_rad: float
-    """Heading of the target: of the rectangle's upper side, rad from north, clockwise."""
-    half_field_rad: float
-    """Angle from the middle of the picture to its nearest edge, rad."""
 
 
 @dataclass(frozen=True)
@@ -76,49 +50,8 @@ class Wish:
     """Heading rate, clockwise, rad/s."""
     climb_m_s: float = 0.0
     """Upward velocity, m/s."""
-
-
-def look(
-    camera: Camera, pose: Pose, centre_px: tuple[float, float], angle_rad: float, target_height_m: float
-) -> View | None:
-    """Target seen from the vehicle, with the attitude at capture time taken out (Teulière 2011, fig. 8).
-
-    Args:
-        camera: calibration and mounting.
-        pose: vehicle at the picture's capture time.
-        centre_px: target's centre in the picture.
-        angle_rad: rotation of the target's rectangle in the picture; its upper side points where the target heads.
-        target_height_m: height of the target's top above home, m.
-
-    Returns:
-        None when the vehicle is too low, or the ray does not meet the ground.
-    """
-    height_m = -float(pose.ned_p_m[2]) - target_height_m
-    if height_m < _LEAST_HEIGHT_M:
-        return None
-    nose_px = (centre_px[0] + _NOSE_PX * math.sin(angle_rad), centre_px[1] - _NOSE_PX * math.cos(angle_rad))
-    tangents = horizontal_tangents(camera.rays([centre_px, nose_px]), camera.body_q_camera, pose.ned_q_body)
-    if not np.isfinite(tangents).all():
-        return None
-    nose = tangents[1] - tangents[0]
-    return View(tangents[0], tangents[0] * height_m, math.atan2(nose[1], nose[0]), _half_field_rad(camera))
-
-
-def pixel_of(camera: Camera, pose: Pose, ned_m: Array) -> tuple[float, float] | None:
-    """Pixel of a point in NED, m; None when the camera looks away from it. The inverse of `look`."""
-    body = quat_rotate(quat_conjugate(pose.ned_q_body), ned_m - pose.ned_p_m)
-    x, y = camera.project(quat_rotate(quat_conjugate(camera.body_q_camera), body))[0]
-    return (float(x), float(y)) if np.isfinite(x) else None
-
-
-def _off_axis_rad(view: View) -> float:
-    """Angle between straight down and the target, rad."""
-    return math.atan(float(np.linalg.norm(view.tangents)))
-
-
-def _half_field_rad(camera: Camera) -> float:
-    """Angle from the middle of the picture to its nearest edge, rad."""
-    return math.atan(min(camera.height / camera.fy_px, camera.width / camera.fx_px) / 2)
+    ned_a_m_s2: Array | None = None
+    """Horizontal acceleration instead of the velocity, NED, m/s², shape (2,): the orientation form."""
 
 
 class ChaseLaw:
@@ -131,11 +64,14 @@ class ChaseLaw:
     def __init__(self, config: PursuitConfig):
         self._config = config
         self._target = TargetFilter(config.process_m_s2, config.measurement_m)
+        self._tilt = TiltLaw(config) if config.output == "orientation" else None
         self.reset()
 
     def reset(self) -> None:
         """Forget target and command."""
         self._target.reset()
+        if self._tilt is not None:
+            self._tilt.reset()
         self._integral = np.zeros(2)
         self._command = np.zeros(2)
         self._towards = np.zeros(2)
@@ -157,9 +93,12 @@ class ChaseLaw:
         self._towards = view.tangents / max(float(np.linalg.norm(view.tangents)), 1e-6)
         self._towards_m_s2 = self._allowed_acceleration(view)
         self._target.update(pose.ned_p_m[:2] + view.relative_m, t_ns)
-        edge = _off_axis_rad(view) / view.half_field_rad
+        edge = off_axis_rad(view) / view.half_field_rad
         higher_m = self._config.climb_m * float(np.clip((edge - _EDGE_FROM) / (_EDGE_TO - _EDGE_FROM), 0.0, 1.0))
-        return self._steer(pose, t_ns, self._yaw_rate(view, pose, angle_std_rad), higher_m)
+        yaw_rate_rad_s = self._yaw_rate(view, pose, angle_std_rad)
+        if self._tilt is not None:
+            return self._lean(self._tilt, view.relative_m, pose, t_ns, yaw_rate_rad_s, higher_m)
+        return self._steer(pose, t_ns, yaw_rate_rad_s, higher_m)
 
     def expected(self, camera: Camera, pose: Pose, t_ns: int) -> Expectation | None:
         """Where a picture captured at `t_ns` should show the target, and how that changed since the last picture.
@@ -180,7 +119,7 @@ class ChaseLaw:
             angle_rad=wrap_angle(self._heading_rad - yaw_rad),
             moved_px=(here[0] - there[0], here[1] - there[1]),
             turned_rad=wrap_angle(last_yaw_rad - yaw_rad),
-            grown=max(self._above_m(last), _LEAST_HEIGHT_M) / max(self._above_m(pose), _LEAST_HEIGHT_M),
+            grown=max(self._above_m(last), LEAST_HEIGHT_M) / max(self._above_m(pose), LEAST_HEIGHT_M),
         )
 
     def coast(self, pose: Pose, t_ns: int) -> Wish:
@@ -193,6 +132,8 @@ class ChaseLaw:
         unseen_s = (t_ns - self._unseen_since_ns) / 1e9
         higher_m = self._config.climb_m if unseen_s >= self._config.climb_after_s else 0.0
         if unseen_s <= self._config.coast_s:
+            if self._tilt is not None:
+                return self._lean(self._tilt, None, pose, t_ns, 0.0, higher_m)
             return self._steer(pose, t_ns, 0.0, higher_m)
         self._integral[:] = 0.0
         return Wish(self._limited(np.zeros(2), self._step_s(pose, t_ns)), 0.0, self._climb(pose, higher_m))
@@ -211,6 +152,17 @@ class ChaseLaw:
         self._integral = _capped(self._integral + c.integral_gain_1_s * dt_s * error_v, c.integral_limit_m_s)
         command = target.velocity_m_s + asked_v + c.velocity_gain * error_v + self._integral
         return Wish(self._limited(command, dt_s), yaw_rate_rad_s, self._climb(pose, higher_m))
+
+    def _lean(
+        self, law: TiltLaw, relative_m: Array | None, pose: Pose, t_ns: int, yaw_rate_rad_s: float, higher_m: float
+    ) -> Wish:
+        """The orientation form: an acceleration, within its limits and within what keeps the target in view."""
+        self._step_s(pose, t_ns)
+        asked = law.step(relative_m, pose, t_ns)
+        excess = float(asked @ self._towards) - self._towards_m_s2
+        asked = _capped(asked - max(0.0, excess) * self._towards, self._config.tilt_max_m_s2)
+        law.took(asked)
+        return Wish(pose.ned_v_m_s[:2].copy(), yaw_rate_rad_s, self._climb(pose, higher_m), asked)
 
     def _climb(self, pose: Pose, higher_m: float) -> float:
         """Upward velocity towards the height of the chase's beginning, or that much above it, m/s."""
@@ -235,7 +187,7 @@ class ChaseLaw:
         hard start loses the target that it is for. The tilt for an acceleration a is atan(a / g).
         """
         c = self._config
-        room_rad = view.half_field_rad - c.view_margin_rad - _off_axis_rad(view)
+        room_rad = view.half_field_rad - c.view_margin_rad - off_axis_rad(view)
         return float(np.clip(_GRAVITY_M_S2 * math.tan(room_rad), c.acceleration_min_m_s2, c.acceleration_m_s2))
 
     def _yaw_rate(self, view: View, pose: Pose, angle_std_rad: float) -> float:
@@ -244,7 +196,7 @@ class ChaseLaw:
             return 0.0
         yaw_rad = euler_from_quat(pose.ned_q_body)[2]
         # The picture is lower than wide: a turn must not carry a target at its side over its upper edge.
-        calm = max(0.0, 1.0 - _off_axis_rad(view) / max(view.half_field_rad - c.view_margin_rad, 1e-3))
+        calm = max(0.0, 1.0 - off_axis_rad(view) / max(view.half_field_rad - c.view_margin_rad, 1e-3))
         rate = calm * c.yaw_gain_1_s * wrap_angle(view.heading_rad - yaw_rad)  # eq. 10
         return float(np.clip(rate, -c.yaw_rate_rad_s, c.yaw_rate_rad_s))
 

@@ -11,7 +11,7 @@ import numpy as np
 from common.geometry.rotation import quat_exp, quat_multiply, slerp
 from common.header import Received
 from common.messages import VehicleState
-from ground.pursuit.control import Pose
+from ground.pursuit.view import Pose
 
 _FURTHEST_AHEAD_S = 0.3
 _FURTHEST_BACK_S = 0.1

@@ -18,9 +18,10 @@ from common.node import CommandCall, Inputs, Node, On, Output
 from common.tracking.model_picture import read_model
 from common.tracking.registry import make_tracker, tracker_class
 from ground.pursuit.config import PursuitConfig
-from ground.pursuit.control import Pose, Wish
+from ground.pursuit.control import Wish
 from ground.pursuit.history import StateHistory
 from ground.pursuit.pursuer import Pursued, Pursuer
+from ground.pursuit.view import Pose
 
 log = logging.getLogger(__name__)
 _PICTURES = "camera/down/jpeg"
@@ -200,7 +201,7 @@ def _outputs(pursued: Pursued, capture_ns: int, pose: Pose | None, why_not: str)
     )
     outputs = [Output("pursuit/track", track, capture_ns)]
     if wish is not None:
-        outputs.insert(0, Output("helm/request/pursuit", _request(wish), capture_ns))
+        outputs.insert(0, Output("helm/request/pursuit", request_of(wish), capture_ns))
     return outputs
 
 
@@ -212,10 +213,13 @@ def _why_coasting(pursued: Pursued) -> str:
     return "" if pursued.view is not None else "too low, or tilted too far, to look: coasting"
 
 
-def _request(wish: Wish) -> Request:
+def request_of(wish: Wish) -> Request:
+    """What goes to helm."""
+    north, east = wish.ned_v_m_s if wish.ned_a_m_s2 is None else wish.ned_a_m_s2
     return Request(
+        kind="velocity" if wish.ned_a_m_s2 is None else "acceleration",
         frame="ned",
-        vector=(float(wish.ned_v_m_s[0]), float(wish.ned_v_m_s[1]), -wish.climb_m_s),
+        vector=(float(north), float(east), -wish.climb_m_s),
         yaw_rate_rad_s=wish.yaw_rate_rad_s,
     )
 

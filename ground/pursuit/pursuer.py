@@ -10,7 +10,8 @@ import numpy as np
 from common.geometry.camera import Camera
 from common.tracking.base import Box, SearchingTracker, Tracker, TrackResult
 from ground.pursuit.config import PursuitConfig
-from ground.pursuit.control import ChaseLaw, Pose, View, Wish, look
+from ground.pursuit.control import ChaseLaw, Wish
+from ground.pursuit.view import Pose, View, look
 
 
 @dataclass(frozen=True)

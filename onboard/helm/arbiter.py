@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from common.messages import Request, Vec3
 
-_ABSURD = 1e3  # m/s and rad/s: no vehicle moves so; beyond about 1e154 a square overflows
+_ABSURD = 1e3  # m/s, m/s² and rad/s: no vehicle moves so; beyond about 1e154 a square overflows
 _FUTURE_TOLERANCE_S = 0.05
 
 
@@ -33,7 +33,7 @@ class Verdict:
     source: str
     """Who is obeyed; `helm` when nobody is (hover)."""
     ned_v_m_s: Vec3
-    """Asked velocity, NED, m/s; zero for hover."""
+    """Asked velocity, NED, m/s; zero for hover; horizontally zero beside an acceleration."""
     yaw_rate_rad_s: float
     """Asked heading rate, rad/s."""
     age_ms: float
@@ -42,6 +42,8 @@ class Verdict:
     """(source, reason) of each request that was not obeyed."""
     basis_ns: int = 0
     """Basis of the obeyed request, ns; 0 when none is obeyed."""
+    ned_a_m_s2: tuple[float, float] | None = None
+    """Asked horizontal acceleration, north and east, m/s²; None where a velocity is asked."""
 
 
 HOVER = Verdict("helm", (0.0, 0.0, 0.0), 0.0, -1.0)
@@ -64,13 +66,16 @@ def arbitrate(candidates: Sequence[Candidate], t_ns: int, yaw_rad: float, freshn
         if reason is not None:
             refused.append((candidate.source, reason))
             continue
+        x, y, z = to_ned(candidate.request, yaw_rad)
+        accelerates = candidate.request.kind == "acceleration"
         return Verdict(
             candidate.source,
-            to_ned(candidate.request, yaw_rad),
+            (0.0, 0.0, z) if accelerates else (x, y, z),
             candidate.request.yaw_rate_rad_s,
             (t_ns - candidate.basis_ns) / 1e6,
             tuple(refused),
             candidate.basis_ns,
+            (x, y) if accelerates else None,
         )
     return Verdict("helm", (0.0, 0.0, 0.0), 0.0, -1.0, tuple(refused))
 

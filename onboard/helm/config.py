@@ -29,6 +29,8 @@ class ContainmentConfig(Section, frozen=True, kw_only=True):
     """Largest heading rate, rad/s."""
     acceleration_m_s2: Positive = 2.5
     """Largest change of the asked velocity, m/s²."""
+    tilt_m_s2: Positive = 4.0
+    """Largest acceleration that a request may ask for, m/s²: a tilt of 22 degrees, wind and drag included."""
     braking_m_s2: Positive = 5.0
     """Largest change towards hover, m/s²."""
     height_min_m: NonNegative = 1.5

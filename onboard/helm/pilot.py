@@ -14,12 +14,13 @@ from common.messages import Obstacle, Setpoint, Vec3
 from onboard.helm.arbiter import Verdict
 from onboard.helm.config import HelmConfig
 from onboard.helm.containment import contain, slew
-from onboard.helm.setpoint import LocalSetpoint, hover_velocity
+from onboard.helm.setpoint import AccelerationSetpoint, LocalSetpoint, hover_velocity
 from onboard.helm.telemetry import Telemetry
 from onboard.limiter.config import LimiterConfig
 from onboard.limiter.limiter import Limited, limit
 
 _STEP_MAX_S = 0.1
+_HORIZON_MIN_S = 0.2
 _STILL_M_S = 0.4
 _BRAKE_MAX_S = 4.0
 _HEIGHT_LEAD_M = 1.0
@@ -59,6 +60,7 @@ class Pilot:
     def __init__(self, config: HelmConfig, limiter: LimiterConfig):
         self._config = config
         self._limiter = limiter
+        self._horizon_s = max(limiter.stop_delay_s, _HORIZON_MIN_S)
         self._height_m = math.nan
         self._yaw_rad = math.nan
         self._anchor_m: tuple[float, float] | None = None
@@ -87,25 +89,58 @@ class Pilot:
         dt_s = min(max((t_ns - self._last_ns) / 1e9, 0.0), _STEP_MAX_S)
         self._last_ns = t_ns
         bounds = self._config.containment
-        hovering = verdict.ned_v_m_s[:2] == (0.0, 0.0)
-        wanted = self._hover(verdict.ned_v_m_s[2], ned_p_m, position.ned_v_m_s, t_ns) if hovering else verdict.ned_v_m_s
-        if not hovering:
-            self._anchor_m, self._hover_since_ns = None, None
-        rate = bounds.braking_m_s2 if hovering else bounds.acceleration_m_s2
-        contained = contain(slew(contain(wanted, ned_p_m, bounds), self._last_v, rate, dt_s), ned_p_m, bounds)
-        limited = self._limit(contained, telemetry, position.ned_v_m_s, view, dt_s)
+        if verdict.ned_a_m_s2 is None:
+            wanted = self._wanted(verdict, ned_p_m, position.ned_v_m_s, dt_s, t_ns)
+        else:
+            wanted = self._led_to(verdict.ned_a_m_s2, verdict.ned_v_m_s[2], position.ned_v_m_s)
+        limited = self._limit(contain(wanted, ned_p_m, bounds), telemetry, position.ned_v_m_s, view, dt_s)
         yaw_rate = self._turn(verdict.yaw_rate_rad_s, attitude.yaw_rad, dt_s)
         home_z = telemetry.home_local_m[2] if telemetry.home_local_m else 0.0
         north, east, down = limited.ned_v_m_s
         local = LocalSetpoint(north, east, home_z - self._height_m, down, yaw_rate)
+        acceleration = None
+        if verdict.ned_a_m_s2 is not None:
+            acceleration = self._acceleration_to(limited.ned_v_m_s, position.ned_v_m_s)
+            local = AccelerationSetpoint(north, east, home_z - self._height_m, down, yaw_rate, *acceleration)
         message = Setpoint(
             source=verdict.source,
-            asked_ned_v_m_s=verdict.ned_v_m_s,
+            asked_ned_v_m_s=verdict.ned_v_m_s if verdict.ned_a_m_s2 is None else wanted,
             ned_v_m_s=limited.ned_v_m_s,
             height_m=self._height_m,
             yaw_rad=self._yaw_rad,
+            ned_a_m_s2=acceleration,
         )
         return Flown(local, message, limited)
+
+    def _wanted(self, verdict: Verdict, ned_p_m: Vec3, ned_vehicle_v_m_s: Vec3, dt_s: float, t_ns: int) -> Vec3:
+        """The asked velocity, or the hover's, its change since the last setpoint limited; NED, m/s."""
+        bounds = self._config.containment
+        if verdict.ned_v_m_s[:2] == (0.0, 0.0):
+            wanted, rate = self._hover(verdict.ned_v_m_s[2], ned_p_m, ned_vehicle_v_m_s, t_ns), bounds.braking_m_s2
+        else:
+            self._anchor_m, self._hover_since_ns = None, None
+            wanted, rate = verdict.ned_v_m_s, bounds.acceleration_m_s2
+        return slew(contain(wanted, ned_p_m, bounds), self._last_v, rate, dt_s)
+
+    def _led_to(self, ned_a_m_s2: tuple[float, float], down_m_s: float, ned_vehicle_v_m_s: Vec3) -> Vec3:
+        """Velocity that an acceleration, cut to its maximum, leads to within the braking horizon; NED, m/s.
+
+        This is what containment and limiter judge: whatever follows, the vehicle can still be stopped from it.
+        """
+        self._anchor_m, self._hover_since_ns = None, None
+        size, most = math.hypot(*ned_a_m_s2), self._config.containment.tilt_m_s2
+        share = min(1.0, most / size) * self._horizon_s if size > 0.0 else 0.0
+        north, east, _ = ned_vehicle_v_m_s
+        return (north + share * ned_a_m_s2[0], east + share * ned_a_m_s2[1], down_m_s)
+
+    def _acceleration_to(self, ned_v_m_s: Vec3, ned_vehicle_v_m_s: Vec3) -> tuple[float, float]:
+        """Acceleration, north and east, m/s², that reaches a velocity within the horizon: braking may be harder."""
+        change = [(a - b) / self._horizon_s for a, b in zip(ned_v_m_s[:2], ned_vehicle_v_m_s[:2], strict=True)]
+        size, most = math.hypot(*change), self._config.containment.braking_m_s2
+        share = min(1.0, most / size) if size > 0.0 else 0.0
+        # The next velocity request, or hover, begins from the vehicle's own velocity.
+        self._last_v = (ned_vehicle_v_m_s[0], ned_vehicle_v_m_s[1], self._last_v[2])
+        return (change[0] * share, change[1] * share)
 
     def _hover(self, down_m_s: float, ned_p_m: Vec3, ned_v_m_s: Vec3, t_ns: int) -> Vec3:
         """Brake first; where the vehicle has come to rest is the anchor. (An anchor taken at speed would be overshot

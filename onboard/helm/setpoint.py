@@ -1,5 +1,5 @@
-"""The kinds of setpoint that helm sends, before a dialect words them: today one, horizontal velocity with held altitude
-and heading rate."""
+"""The kinds of setpoint that helm sends, before a dialect words them: horizontal velocity or acceleration, with held
+altitude and heading rate."""
 
 from __future__ import annotations
 
@@ -27,6 +27,17 @@ class LocalSetpoint:
     beside a horizontal velocity."""
     yaw_rate_rad_s: float
     """Heading rate, clockwise, rad/s."""
+
+
+@dataclass(frozen=True)
+class AccelerationSetpoint(LocalSetpoint):
+    """A horizontal acceleration; its velocity is the one that it leads to, for an autopilot that takes no acceleration
+    beside a held altitude."""
+
+    north_m_s2: float
+    """Acceleration north, m/s²."""
+    east_m_s2: float
+    """Acceleration east, m/s²."""
 
 
 def position_target(type_mask: int, **used: float) -> dict[str, Any]:

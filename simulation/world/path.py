@@ -12,7 +12,7 @@ from simulation.world.scenario import CarConfig, PathConfig
 Array = NDArray[np.float64]
 
 _STEP_M = 0.02
-_SPEED_LIMIT_M_S = 1.5
+_SPEED_LIMIT_M_S = 2.5
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ class WaypointConfig(Section, frozen=True, kw_only=True):
     """Position, north, m."""
     east_m: float
     """Position, east, m."""
-    speed_m_s: Annotated[float, msgspec.Meta(gt=0, le=1.5)] = 1.0
+    speed_m_s: Annotated[float, msgspec.Meta(gt=0, le=2.5)] = 1.0
     """Speed wanted from here to the next waypoint, m/s."""
     stop_s: NonNegative = 0.0
     """How long the car stands here, s; 0: it drives through."""
@@ -50,7 +50,7 @@ class PathConfig(Section, frozen=True, kw_only=True):
     turn_rate_rad_s: Positive = 1.0
     """Largest heading rate, rad/s."""
     speed_scale: Positive = 1.0
-    """Factor on all speeds; 1.5 m/s is kept as the limit."""
+    """Factor on all speeds; 2.5 m/s is kept as the limit."""
     start_delay_s: NonNegative = 0.0
     """How long the car stands at the first waypoint before it moves, s."""
 

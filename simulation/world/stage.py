@@ -45,6 +45,8 @@ class Stage:
         self._first_ns: int | None = None
         self._car_start_ns: int | None = None
         self._lost = self._frozen = self._broken = 0
+        self.covered = 0.0
+        """Share of the car's top that something above it hides from the camera, whether or not it is in the picture."""
 
     def place(self, motion: Motion) -> Truth:
         """Move everything to where it is at the vehicle's motion, and tell the truth about it."""
@@ -99,7 +101,9 @@ class Stage:
         pixels = ned_to_pixels(self._camera, *self._eye, samples)
         # NaN (behind the camera) compares as outside.
         inside = ((pixels > -0.5) & (pixels < np.array([self._camera.width, self._camera.height]) - 0.5)).all(axis=1)
-        seen = inside & ~self._scene.occluded(self._eye[0], samples) if inside.any() else inside
+        hidden = self._scene.occluded(self._eye[0], samples)
+        self.covered = float(hidden.mean())
+        seen = inside & ~hidden
         shown = inside.any() and bool(np.isfinite(corners).all())
         return Truth(
             ned_p_m=as_vec3(motion.ned_p_m),

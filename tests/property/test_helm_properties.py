@@ -12,6 +12,7 @@ from onboard.helm.arbiter import Candidate, Verdict, arbitrate
 from onboard.helm.config import ContainmentConfig, HelmConfig
 from onboard.helm.containment import contain, slew
 from onboard.helm.pilot import Pilot, View
+from onboard.helm.setpoint import AccelerationSetpoint
 from onboard.helm.telemetry import AttitudeSample, PositionSample, Telemetry
 from onboard.limiter.config import LimiterConfig
 
@@ -71,6 +72,32 @@ def test_the_slew_never_jumps_and_arrives(asked, last, rate, dt):
 def _telemetry(p, v, yaw, t_ns) -> Telemetry:
     attitude = AttitudeSample(t_ns, (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)), (0.0, 0.0, 0.0))
     return Telemetry(found=True, attitude=attitude, position=PositionSample(t_ns, p, v), home_local_m=(0.0, 0.0, 0.0))
+
+
+@given(st.lists(st.tuples(_VELOCITY, st.integers(1, 250)), min_size=1, max_size=6))
+@settings(max_examples=40, deadline=None)
+def test_a_vehicle_that_is_asked_for_accelerations_stays_inside(wishes):
+    """Whatever tilt is asked, it stays within fence and height band, and no setpoint asks for more than braking."""
+    pilot = Pilot(HelmConfig(containment=BOUNDS, takeoff_height_max_m=9.0), LimiterConfig())
+    p, v, a, t_ns = [0.0, 0.0, -4.0], [0.0, 0.0, 0.0], [0.0, 0.0], 0
+    pilot.reset(_telemetry((0.0, 0.0, -4.0), (0.0, 0.0, 0.0), 0.0, t_ns), t_ns)
+    for wish, cycles in wishes:
+        for _ in range(cycles):
+            t_ns += 50_000_000
+            verdict = Verdict("pursuit", (0.0, 0.0, wish[2]), 0.0, 10.0, ned_a_m_s2=wish[:2])
+            flown = pilot.fly(verdict, _telemetry(tuple(p), tuple(v), 0.0, t_ns), View(None), t_ns)
+            assert flown is not None and isinstance(flown.local, AccelerationSetpoint)
+            asked = (flown.local.north_m_s2, flown.local.east_m_s2)
+            assert math.hypot(*asked) <= BOUNDS.braking_m_s2 + 1e-9
+            for i in range(2):
+                a[i] += (asked[i] - a[i]) * 0.05 / 0.2
+                v[i] += a[i] * 0.05
+            v[2] += (flown.local.local_z_m - p[2] - v[2]) * 0.05 / 0.4
+            for i in range(3):
+                p[i] += v[i] * 0.05
+            assert math.hypot(*v[:2]) <= 1.3 * BOUNDS.speed_m_s
+            assert math.hypot(p[0], p[1]) <= BOUNDS.radius_m + 0.5
+            assert BOUNDS.height_min_m - 0.6 <= -p[2] <= BOUNDS.height_max_m + 0.6
 
 
 @given(st.lists(st.tuples(_VELOCITY, st.integers(1, 250)), min_size=1, max_size=6), st.booleans())

@@ -14,8 +14,8 @@ from simulation.world.scenario import load_scenario
 CHASE_S = 12.0
 
 
-def _flown(seed: int, tracker: type[CamShiftTracker] | None = None) -> Episode:
-    episode = Episode(load_config("kite", ()), drawn(load_scenario("chase"), seed), seed)
+def _flown(seed: int, tracker: type[CamShiftTracker] | None = None, *overrides: str) -> Episode:
+    episode = Episode(load_config("kite", overrides), drawn(load_scenario("chase"), seed), seed)
     if tracker is not None:
         episode.use(tracker)
     episode.fly(CHASE_S)
@@ -48,3 +48,11 @@ def test_another_tracker_flies_the_same_road(flown: Episode) -> None:
     np.testing.assert_array_equal(plain.trace.column("target_m_s"), flown.trace.column("target_m_s"))
     assert not np.array_equal(plain.trace.column("error_m"), flown.trace.column("error_m"))
     assert plain.trace.column("seen").mean() > 0.5
+
+
+def test_the_orientation_form_keeps_closer_to_the_car(flown: Episode) -> None:
+    leaning = _flown(3, None, "pursuit.output=orientation")
+
+    errors_m, plain_m = leaning.trace.column("error_m")[100:], flown.trace.column("error_m")[100:]
+    assert np.sqrt(np.mean(errors_m**2)) < 0.8 * np.sqrt(np.mean(plain_m**2))
+    assert leaning.trace.column("seen")[5:].mean() > 0.9

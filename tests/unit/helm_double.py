@@ -16,6 +16,7 @@ from onboard.helm.setpoint import LocalSetpoint
 from onboard.helm.telemetry import AttitudeSample, PositionSample, Telemetry
 
 STEP_NS = 20_000_000
+_LAG_S = 0.3
 START_NS = 10_000_000_000
 SECTIONS = {
     "bus": "common.session:BusConfig",
@@ -104,7 +105,7 @@ class VehicleDouble:
         elif Role.LAND in roles:
             wanted[2] = 0.7
         for i in range(3):
-            self.v[i] += (wanted[i] - self.v[i]) * min(dt / 0.3, 1.0) if self.armed else -self.v[i]
+            self.v[i] += (wanted[i] - self.v[i]) * min(dt / _LAG_S, 1.0) if self.armed else -self.v[i]
             self.p[i] += self.v[i] * dt
         if self.p[2] >= 0.0 and self.v[2] >= 0.0:
             self.p[2] = self.v[2] = 0.0
@@ -112,9 +113,12 @@ class VehicleDouble:
                 self.armed = False
 
     def _asked(self, setpoint: LocalSetpoint) -> list[float]:
-        """Velocity that the dialect's own message asks for."""
-        fields, held = self.dialect.setpoint(setpoint), not self.dialect.setpoint(setpoint)["type_mask"] & 0x004
-        down = fields["z"] - self.p[2] if held else fields["vz"]
+        """Velocity that the dialect's own message asks for, or that gives the acceleration which it asks for."""
+        fields = self.dialect.setpoint(setpoint)
+        mask = fields["type_mask"]
+        down = fields["vz"] if mask & 0x004 else fields["z"] - self.p[2]
+        if not mask & 0x040:
+            return [self.v[0] + _LAG_S * fields["afx"], self.v[1] + _LAG_S * fields["afy"], down]
         return [fields["vx"], fields["vy"], down]
 
     def poll(self, t_ns: int) -> Telemetry:

@@ -58,6 +58,13 @@ def test_the_heading_frame_turns_with_the_vehicle(yaw: float, ned: tuple[float, 
     assert verdict.ned_v_m_s == pytest.approx((*ned, -0.3))
 
 
+def test_an_acceleration_is_passed_on_as_one_and_its_vertical_part_stays_a_velocity():
+    verdict = arbitrate([_candidate(kind="acceleration", frame="heading")], NOW, math.pi / 2, 0.3)
+    assert verdict.ned_a_m_s2 == pytest.approx((-2.0, 1.0))
+    assert verdict.ned_v_m_s == (0.0, 0.0, 0.5)
+    assert arbitrate([_candidate()], NOW, 0.0, 0.3).ned_a_m_s2 is None
+
+
 def test_without_a_heading_the_heading_frame_is_refused():
     verdict = arbitrate([_candidate(frame="heading")], NOW, math.nan, 0.3)
     assert verdict.refused == (("pursuit", "no heading"),)

@@ -12,7 +12,7 @@ from onboard.helm.dialect.ardupilot import ARDUPILOT
 from onboard.helm.dialect.base import UNKNOWN, Dialect, Kind, Role
 from onboard.helm.dialect.px4 import PX4
 from onboard.helm.dialect.registry import AUTO, DIALECTS, UnfitAutopilot, recognise
-from onboard.helm.setpoint import LocalSetpoint
+from onboard.helm.setpoint import AccelerationSetpoint, LocalSetpoint
 from tests.unit.helm_double import Desk, VehicleDouble
 
 _QUADROTOR = 2
@@ -62,6 +62,16 @@ def test_its_setpoint_uses_exactly_what_its_mask_says(dialect: Dialect):
     assert {"vx", "vy", "yaw_rate"} < used
     assert (fields["vx"], fields["vy"], fields["yaw_rate"], fields["coordinate_frame"]) == (1.0, -2.0, 0.1, 1)
     assert all(fields[name] == 0.0 for name in set(_BITS) - used - {"force"})
+    assert [fields[name] for name in used & {"z", "vz"}] in ([-4.0], [0.5])
+
+
+@every_dialect
+def test_an_acceleration_is_worded_as_one_or_as_the_velocity_that_it_leads_to(dialect: Dialect):
+    fields = dialect.setpoint(AccelerationSetpoint(1.0, -2.0, -4.0, 0.5, 0.1, 0.7, -0.9))
+    used = {name for bit, name in enumerate(_BITS) if not fields["type_mask"] >> bit & 1} - {"force"}
+    horizontal = [(fields[a], fields[b]) for a, b in (("afx", "afy"), ("vx", "vy")) if {a, b} <= used]
+    assert horizontal in ([(0.7, -0.9)], [(1.0, -2.0)]), "one of the two, never a mix"
+    assert "yaw_rate" in used and fields["yaw_rate"] == 0.1
     assert [fields[name] for name in used & {"z", "vz"}] in ([-4.0], [0.5])
 
 

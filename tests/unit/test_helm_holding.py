@@ -26,6 +26,51 @@ def test_the_limiter_stands_between_the_chase_and_an_obstacle():
     assert desk.status and desk.status.limiter_zone == "transition"
 
 
+def _lean(north_m_s2: float, east_m_s2: float = 0.0) -> Request:
+    return Request(kind="acceleration", frame="ned", vector=(north_m_s2, east_m_s2, 0.0))
+
+
+def test_an_acceleration_that_leads_nowhere_forbidden_is_flown_as_asked():
+    desk = Desk().fly().chase((0.0, 0.0, 0.0))
+    desk.pursuit = _lean(0.6, -0.3)
+    desk.go(1.0)
+    assert desk.setpoints[-1].ned_a_m_s2 == pytest.approx((0.6, -0.3))
+    assert desk.vehicle.v[:2] == pytest.approx([0.6, -0.3], abs=0.06)
+    assert desk.vehicle.height_m == pytest.approx(4.0, abs=0.1)
+
+
+def test_an_acceleration_never_leads_past_the_largest_speed():
+    desk = Desk().fly().chase((0.0, 0.0, 0.0))
+    desk.pursuit = _lean(2.0)
+    desk.go(6.0)
+    assert desk.vehicle.v[0] == pytest.approx(3.0, abs=0.1)
+    assert desk.setpoints[-1].ned_a_m_s2 == pytest.approx((0.0, 0.0), abs=0.1)
+
+
+def test_the_limiter_stands_between_an_acceleration_and_an_obstacle():
+    desk = Desk().fly().chase((0.0, 0.0, 0.0))
+    desk.pursuit = _lean(1.5)
+    for _ in range(1500):
+        distance = 12.0 - desk.vehicle.p[0]
+        desk.obstacles = [Obstacle(distance_m=max(distance, 0.0), ned_direction=(1.0, 0.0, 0.0))]
+        desk.step()
+        assert distance > 0.8
+    assert distance < 3.0
+    assert _speed(desk) < 0.1
+
+
+def test_when_accelerations_stop_coming_the_vehicle_brakes_and_hovers():
+    desk = Desk().fly().chase((0.0, 0.0, 0.0))
+    desk.pursuit = _lean(1.5)
+    desk.go(1.5)
+    fast = _speed(desk)
+    desk.pursuit = None
+    desk.go(0.5)
+    assert desk.setpoints[-1].ned_a_m_s2 is None
+    desk.go(4.0)
+    assert fast > 1.5 and _speed(desk) < 0.1
+
+
 def test_obstacle_data_that_stops_stops_the_vehicle():
     desk = Desk().fly().chase((1.0, 0.0, 0.0))
     desk.obstacles = []

@@ -13,7 +13,8 @@ from common.geometry.camera import Camera
 from common.geometry.config import CameraConfig
 from common.geometry.rotation import quat_conjugate, quat_from_euler, quat_rotate
 from ground.pursuit.config import PursuitConfig
-from ground.pursuit.control import ChaseLaw, Pose, View, look, pixel_of
+from ground.pursuit.control import ChaseLaw
+from ground.pursuit.view import Pose, View, look, pixel_of
 
 CAMERA: Camera = CameraConfig().camera()
 HALF_FIELD = math.atan(240 / 440)
@@ -82,6 +83,47 @@ def test_doubtful_orientation_leaves_the_heading_alone() -> None:
     law = ChaseLaw(PursuitConfig())
     view = View(np.zeros(2), np.zeros(2), 1.0, HALF_FIELD)
     assert law.follow(view, _pose(), 0, angle_std_rad=2.0).yaw_rate_rad_s == 0.0
+
+
+def _fly_leaning(target: Callable[[float], tuple[float, float]], seconds: float, drag_1_s: float) -> np.ndarray:
+    """Errors, m, of a chase in the orientation form: tilt by two lags after a dead time, wind, a slanted horizon."""
+    config, rng = PursuitConfig(output="orientation"), np.random.default_rng(0)
+    law = ChaseLaw(config)
+    position, velocity, lagged, tilt = np.array(target(0.0)), np.zeros(2), np.zeros(2), np.zeros(2)
+    commands: deque[np.ndarray] = deque([np.zeros(2)] * 11)
+    slant, errors, command = np.array([0.05, -0.08]), [], np.zeros(2)
+    for index in range(int(seconds * 100)):
+        t_s = index / 100
+        there = np.array(target(t_s))
+        if index % 5 == 0:
+            relative = there - position + rng.normal(0, 0.02, 2)
+            north, east = tilt + slant
+            attitude = quat_from_euler(math.atan(east / 9.80665), -math.atan(north / 9.80665), 0.0)
+            pose = Pose(np.array([*position, -5.0]), np.array([*velocity, 0.0]), attitude)
+            wish = law.follow(View(relative / 5, relative, 0.0, HALF_FIELD), pose, int(t_s * 1e9), 0.05)
+            assert wish.ned_a_m_s2 is not None
+            command = wish.ned_a_m_s2
+        commands.append(command)
+        lagged = lagged + (commands.popleft() - lagged) * 0.1
+        tilt = tilt + (lagged - tilt) * 0.1
+        velocity = velocity + (tilt - drag_1_s * (velocity - np.array([0.7, -0.7]))) * 0.01
+        position = position + velocity * 0.01
+        errors.append(np.linalg.norm(there - position))
+    return np.array(errors)
+
+
+@pytest.mark.parametrize("drag_1_s", [0.1, 1.0])
+def test_the_orientation_form_hovers_in_wind_with_a_slanted_horizon(drag_1_s: float) -> None:
+    assert _fly_leaning(lambda t_s: (0.0, 0.0), 30.0, drag_1_s)[1000:].max() < 0.1  # the paper: 10 cm
+
+
+def test_the_orientation_form_keeps_closer_to_a_turning_car_than_the_velocity_form() -> None:
+    def path(t_s: float) -> tuple[float, float]:
+        return 5 * math.sin(0.21 * t_s), 5 * math.sin(0.42 * t_s + 0.5) / 2
+
+    leaning, plain = _fly_leaning(path, 60.0, 0.1)[1000:], _fly(path, 60.0, (0.0, 1.2))[1000:]
+    assert np.sqrt(np.mean(leaning**2)) < 0.6 * np.sqrt(np.mean(plain**2))
+    assert leaning.max() < 0.3  # the paper's 30 cm
 
 
 def _fly(

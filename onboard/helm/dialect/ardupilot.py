@@ -115,7 +115,10 @@ class ArduPilot(Dialect):
         return table[kind] if kind in table else super().commands(kind, mode, height_m)
 
     def setpoint(self, setpoint: LocalSetpoint) -> dict[str, Any]:
-        """Velocity in all three axes; the vertical one closes helm's height loop."""
+        """Velocity in all three axes; the vertical one closes helm's height loop.
+
+        An acceleration goes out as the velocity that it leads to: beside one, ArduPilot holds no height.
+        """
         return velocity_target(VELOCITY, setpoint, vz=setpoint.down_m_s)
 
     def ready(self, sys_status: Mapping[str, Any]) -> bool:

@@ -10,11 +10,14 @@ from types import MappingProxyType
 from typing import Any
 
 from onboard.helm.dialect.base import Command, Dialect, Kind, Role, velocity_target
-from onboard.helm.setpoint import LocalSetpoint
+from onboard.helm.setpoint import AccelerationSetpoint, LocalSetpoint, position_target
 
 VELOCITY_WITH_ALTITUDE = 0x5E3
 """Type mask: use z, vx, vy and the heading rate; ignore x, y, vz, accelerations and heading. PX4 held the altitude
 within 0.25 m with it, against 0.5 m of drift and more with a velocity in all three axes."""
+ACCELERATION_WITH_ALTITUDE = 0x53B
+"""Type mask: use z, afx, afy and the heading rate. PX4 held the altitude within 0.1 m with it: tilt without mixing
+setpoint kinds."""
 _AUTO = 4
 _MAIN_MODES = {1: "MANUAL", 2: "ALTCTL", 3: "POSCTL", 5: "ACRO", 6: "OFFBOARD", 7: "STABILIZED"}
 _AUTO_MODES = {1: "READY", 2: "TAKEOFF", 3: "HOLD", 4: "MISSION", 5: "RETURN", 6: "LAND", 8: "FOLLOW", 9: "PRECLAND"}
@@ -82,7 +85,15 @@ class Px4(Dialect):
         return (*first, _COMMANDS[kind])
 
     def setpoint(self, setpoint: LocalSetpoint) -> dict[str, Any]:
-        """Horizontal velocity; the altitude is PX4's to hold."""
+        """Horizontal velocity or acceleration; the altitude is PX4's to hold."""
+        if isinstance(setpoint, AccelerationSetpoint):
+            return position_target(
+                ACCELERATION_WITH_ALTITUDE,
+                z=setpoint.local_z_m,
+                afx=setpoint.north_m_s2,
+                afy=setpoint.east_m_s2,
+                yaw_rate=setpoint.yaw_rate_rad_s,
+            )
         return velocity_target(VELOCITY_WITH_ALTITUDE, setpoint, z=setpoint.local_z_m)
 
 

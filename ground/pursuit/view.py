@@ -1,0 +1,86 @@
+"""Where the target is, seen from the vehicle: pictures to metres with the attitude at capture time taken out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.geometry.camera import Camera, horizontal_tangents
+from common.geometry.rotation import quat_conjugate, quat_rotate
+
+Array = NDArray[np.float64]
+_NOSE_PX = 20.0
+LEAST_HEIGHT_M = 0.3
+"""Lower than this above the target, nothing is said of where it is, m."""
+
+
+@dataclass(frozen=True)
+class Pose:
+    """The vehicle at a picture's capture time."""
+
+    ned_p_m: Array
+    """Position, NED, m, shape (3,)."""
+    ned_v_m_s: Array
+    """Velocity, NED, m/s, shape (3,)."""
+    ned_q_body: Array
+    """Attitude, (w, x, y, z)."""
+
+
+@dataclass(frozen=True)
+class View:
+    """Where the target is, seen from the vehicle."""
+
+    tangents: Array
+    """North and east tangents of its ray in the level frame, shape (2,); metres per metre of height (eq. 7)."""
+    relative_m: Array
+    """North and east from vehicle to target, m, shape (2,)."""
+    heading_rad: float
+    """Heading of the target: of the rectangle's upper side, rad from north, clockwise."""
+    half_field_rad: float
+    """Angle from the middle of the picture to its nearest edge, rad."""
+
+
+def look(
+    camera: Camera, pose: Pose, centre_px: tuple[float, float], angle_rad: float, target_height_m: float
+) -> View | None:
+    """Target seen from the vehicle, with the attitude at capture time taken out (Teulière 2011, fig. 8).
+
+    Args:
+        camera: calibration and mounting.
+        pose: vehicle at the picture's capture time.
+        centre_px: target's centre in the picture.
+        angle_rad: rotation of the target's rectangle in the picture; its upper side points where the target heads.
+        target_height_m: height of the target's top above home, m.
+
+    Returns:
+        None when the vehicle is too low, or the ray does not meet the ground.
+    """
+    height_m = -float(pose.ned_p_m[2]) - target_height_m
+    if height_m < LEAST_HEIGHT_M:
+        return None
+    nose_px = (centre_px[0] + _NOSE_PX * math.sin(angle_rad), centre_px[1] - _NOSE_PX * math.cos(angle_rad))
+    tangents = horizontal_tangents(camera.rays([centre_px, nose_px]), camera.body_q_camera, pose.ned_q_body)
+    if not np.isfinite(tangents).all():
+        return None
+    nose = tangents[1] - tangents[0]
+    return View(tangents[0], tangents[0] * height_m, math.atan2(nose[1], nose[0]), _half_field_rad(camera))
+
+
+def pixel_of(camera: Camera, pose: Pose, ned_m: Array) -> tuple[float, float] | None:
+    """Pixel of a point in NED, m; None when the camera looks away from it. The inverse of `look`."""
+    body = quat_rotate(quat_conjugate(pose.ned_q_body), ned_m - pose.ned_p_m)
+    x, y = camera.project(quat_rotate(quat_conjugate(camera.body_q_camera), body))[0]
+    return (float(x), float(y)) if np.isfinite(x) else None
+
+
+def off_axis_rad(view: View) -> float:
+    """Angle between straight down and the target, rad."""
+    return math.atan(float(np.linalg.norm(view.tangents)))
+
+
+def _half_field_rad(camera: Camera) -> float:
+    """Angle from the middle of the picture to its nearest edge, rad."""
+    return math.atan(min(camera.height / camera.fy_px, camera.width / camera.fx_px) / 2)
