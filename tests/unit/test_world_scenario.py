@@ -54,7 +54,7 @@ def test_unknown_scenario_lists_the_known_ones() -> None:
 @pytest.mark.parametrize(
     ("table", "text"),
     [
-        ({"car": {"path": {"waypoints": [{"north_m": 0, "east_m": 0, "speed_m_s": 1.6}]}}}, "1.5"),
+        ({"car": {"path": {"waypoints": [{"north_m": 0, "east_m": 0, "speed_m_s": 2.6}]}}}, "2.5"),
         ({"car": {"roof": "red"}}, "roof"),
         ({"car": {"path": {"waypoints": [{"north_m": 0, "east_m": 0}, {"north_m": 1, "east_m": 0}]}}}, "at least 3"),
         ({"car": {"path": {"waypoints": [{"north_m": n, "east_m": 0} for n in (0, 0, 4)]}}}, "same place"),
