@@ -22,6 +22,8 @@ class Outcome:
     """What it was run against in the same run: name, version, figures, ratio."""
     paper: dict[str, float] = field(default_factory=dict)
     """The paper's figures under the same names."""
+    table: tuple[str, ...] = ()
+    """Lines to print instead of the plain list of figures, where that list would be hard to read."""
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,13 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks import chase, latency, pursuit_speed
+from benchmarks import autopilot, chase, latency, pursuit_speed
 from benchmarks.base import Benchmark, Outcome, Settings, as_json
 from common.config import ConfigError, unknown_key_text
 
-BENCHMARKS: dict[str, Benchmark] = {b.name: b for b in (latency.BENCHMARK, chase.BENCHMARK, pursuit_speed.BENCHMARK)}
+BENCHMARKS: dict[str, Benchmark] = {
+    b.name: b for b in (latency.BENCHMARK, chase.BENCHMARK, pursuit_speed.BENCHMARK, autopilot.BENCHMARK)
+}
 _RESULTS = Path("benchmarks/results")
 
 
@@ -58,7 +60,9 @@ def _run_all(settings: Settings) -> int:
 
 def _print(benchmark: Benchmark, outcome: Outcome) -> None:
     print(f"\n{benchmark.name}: {benchmark.doc}")
-    for name, value in outcome.results.items():
+    for line in outcome.table:
+        print(line)
+    for name, value in () if outcome.table else outcome.results.items():
         paper = f"   paper {outcome.paper[name]:g}" if name in outcome.paper else ""
         print(f"  {name:32} {value:10.3f}{paper}")
     print(

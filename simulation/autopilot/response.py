@@ -1,0 +1,348 @@
+"""Step responses of the simulated vehicle, measured as PX4's were, and the figures that PX4 showed.
+
+The vehicle takes off and hovers in OFFBOARD; then the setpoint steps, and its true motion is recorded at each cycle.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from simulation.autopilot.config import AutopilotSimConfig
+from simulation.autopilot.control import NAN, Controller, Estimate, MotionSetpoint, heading
+from simulation.autopilot.modes import Mode, Verdict
+from simulation.autopilot.plant import GRAVITY_M_S2, Airframe, PlantState, Vec3, down_axis, step
+from simulation.autopilot.vehicle import SimulatedVehicle
+
+DT_S = 0.004
+SETTLED_S = 5.0
+"""How long a speed is flown before the vehicle is told to stop, s."""
+_HEIGHT_M = 20.0
+_TAKEOFF_S, _HOVER_S = 22.0, 8.0
+_SPEED_M_S, _ROLL_RAD = 2.0, math.radians(10.0)
+_DEFAULT, _LOW = 1.0, 0.1  # drag of PX4's built-in quadrotor, and one near a real one, N per m/s
+_SHARES = {"t10_s": 0.10, "t50_s": 0.50, "t63_s": 0.63, "t90_s": 0.90}
+
+States = list[PlantState]
+
+
+@dataclass(frozen=True)
+class Band:
+    """What PX4 showed: one reading, or the range of several."""
+
+    low: float
+    """Least."""
+    high: float
+    """Greatest; infinite where PX4's figure is a lower bound."""
+
+    @property
+    def nominal(self) -> float:
+        """The middle, or the lower bound."""
+        return (self.low + self.high) / 2.0 if math.isfinite(self.high) else self.low
+
+    def deviation(self, value: float) -> float:
+        """Signed distance to the band by its nearer end, relative; 0 inside."""
+        if self.low <= value <= self.high:
+            return 0.0
+        end = self.low if value < self.low else self.high
+        return (value - end) / end
+
+
+def _at(value: float) -> Band:
+    return Band(value, value)
+
+
+def velocity(north_m_s: float) -> MotionSetpoint:
+    """A velocity to the north, with height and heading held."""
+    return MotionSetpoint(ned_p_m=(NAN, NAN, -_HEIGHT_M), ned_v_m_s=(north_m_s, 0.0, NAN), yaw_rad=0.0)
+
+
+@dataclass(frozen=True)
+class StepCase:
+    """One step of the setpoint, and what PX4 did."""
+
+    name: str
+    """Ending of the figures' names."""
+    doc: str
+    """The step in words."""
+    drag_n_s_m: float
+    """Drag, N per m/s."""
+    duration_s: float
+    """How long the response is watched, s."""
+    setpoint: MotionSetpoint | None
+    """What is asked from the step on; None for the roll, which is an attitude."""
+    response: Callable[[PlantState], float]
+    """What answers: speed, m/s, or angle, rad."""
+    size: float
+    """Height of the step, in the response's unit, signed."""
+    px4: Mapping[str, Band]
+    """PX4's figures: times to a share of the step (`t10_s` …) and others by name."""
+    before: MotionSetpoint | None = None
+    """What is flown for 5 s before the step; None for the hover."""
+
+
+CASES: tuple[StepCase, ...] = (
+    StepCase(
+        "start_default",
+        "0 to 2 m/s, drag 1 N per m/s",
+        _DEFAULT,
+        9.0,
+        velocity(_SPEED_M_S),
+        lambda s: s.ned_v_m_s[0],
+        _SPEED_M_S,
+        {
+            "t10_s": _at(0.27),
+            "t50_s": _at(0.70),
+            "t63_s": _at(1.07),
+            "t90_s": Band(8.0, math.inf),
+            "speed_2s_m_s": _at(1.49),
+            "speed_5s_m_s": _at(1.60),
+            "tilt_deg": _at(16.6),
+        },
+    ),
+    StepCase(
+        "stop_default",
+        "2 to 0 m/s, drag 1 N per m/s",
+        _DEFAULT,
+        6.0,
+        velocity(0.0),
+        lambda s: s.ned_v_m_s[0],
+        -_SPEED_M_S,
+        {
+            "t10_s": _at(0.27),
+            "t50_s": _at(0.57),
+            "t63_s": _at(0.74),
+            "t90_s": _at(4.0),
+            "stop_distance_m": _at(2.29),
+        },
+        before=velocity(_SPEED_M_S),
+    ),
+    StepCase(
+        "start_low",
+        "0 to 2 m/s, drag 0.1 N per m/s",
+        _LOW,
+        9.0,
+        velocity(_SPEED_M_S),
+        lambda s: s.ned_v_m_s[0],
+        _SPEED_M_S,
+        {
+            "t10_s": _at(0.31),
+            "t50_s": _at(0.63),
+            "t63_s": _at(0.77),
+            "t90_s": _at(1.2),
+            "overshoot_percent": Band(7.0, 8.0),
+            "tilt_deg": _at(17.5),
+        },
+    ),
+    StepCase(
+        "stop_low",
+        "2 to 0 m/s, drag 0.1 N per m/s",
+        _LOW,
+        6.0,
+        velocity(0.0),
+        lambda s: s.ned_v_m_s[0],
+        -_SPEED_M_S,
+        {"t90_s": _at(1.15), "stop_distance_m": Band(1.2, 1.5)},
+        before=velocity(_SPEED_M_S),
+    ),
+    StepCase(
+        "climb",
+        "up 1 m/s",
+        _DEFAULT,
+        4.0,
+        MotionSetpoint(ned_v_m_s=(0.0, 0.0, -1.0), yaw_rad=0.0),
+        lambda s: -s.ned_v_m_s[2],
+        1.0,
+        {
+            "t10_s": _at(0.12),
+            "t50_s": _at(0.22),
+            "t63_s": _at(0.29),
+            "t90_s": _at(0.45),
+            "overshoot_percent": _at(20.0),
+        },
+    ),
+    StepCase(
+        "yaw",
+        "yaw 90 degrees",
+        _DEFAULT,
+        3.0,
+        MotionSetpoint(ned_p_m=(NAN, NAN, -_HEIGHT_M), ned_v_m_s=(0.0, 0.0, NAN), yaw_rad=math.pi / 2),
+        lambda s: heading(s.ned_q_body),
+        math.pi / 2,
+        {
+            "t10_s": _at(0.33),
+            "t50_s": _at(0.65),
+            "t90_s": _at(0.93),
+            "yaw_rate_deg_s": _at(141.0),
+            "overshoot_percent": _at(17.0),
+        },
+    ),
+    StepCase(
+        "roll",
+        "roll 10 degrees",
+        _DEFAULT,
+        1.5,
+        None,
+        lambda s: _roll(s),
+        _ROLL_RAD,
+        {"t10_s": _at(0.14), "t50_s": _at(0.25), "t63_s": _at(0.29), "t90_s": _at(0.46), "overshoot_percent": _at(3.0)},
+    ),
+)
+
+
+def configured(drag_n_s_m: float, seed: int | None = None, wind_ned_m_s: Vec3 = (0.0, 0.0, 0.0)) -> AutopilotSimConfig:
+    """Configuration of a measurement.
+
+    Args:
+        drag_n_s_m: drag, N per m/s.
+        seed: of the estimate's errors at their default size; None for an estimate without errors.
+        wind_ned_m_s: mean velocity of the air, NED, m/s.
+    """
+    parameters: dict[str, int | float] = {"MIS_TAKEOFF_ALT": _HEIGHT_M, "COM_DISARM_PRFLT": 0.0}
+    if seed is not None:
+        return AutopilotSimConfig(drag_n_s_m=drag_n_s_m, wind_ned_m_s=wind_ned_m_s, seed=seed, parameters=parameters)
+    return AutopilotSimConfig(
+        drag_n_s_m=drag_n_s_m,
+        wind_ned_m_s=wind_ned_m_s,
+        position_noise_m=0.0,
+        velocity_noise_m_s=0.0,
+        climb_noise_m_s=0.0,
+        attitude_noise_rad=0.0,
+        parameters=parameters,
+    )
+
+
+def hovering(config: AutopilotSimConfig) -> SimulatedVehicle:
+    """A vehicle that has taken off to 20 m and hovers in OFFBOARD.
+
+    Raises:
+        RuntimeError: it refused a command.
+    """
+    vehicle = SimulatedVehicle(config, DT_S)
+    record(vehicle, config.ready_after_s + 0.1, None)
+    verdicts = [vehicle.arm(), vehicle.command(Mode.TAKEOFF)]
+    record(vehicle, _TAKEOFF_S, None)
+    vehicle.take_setpoint(velocity(0.0))
+    verdicts.append(vehicle.command(Mode.OFFBOARD))
+    if any(verdict is not Verdict.ACCEPTED for verdict in verdicts):
+        raise RuntimeError(f"step response: arm, takeoff, OFFBOARD gave {[v.name for v in verdicts]}")
+    record(vehicle, _HOVER_S, velocity(0.0))
+    return vehicle
+
+
+def record(vehicle: SimulatedVehicle, duration_s: float, setpoint: MotionSetpoint | None) -> States:
+    """True states while a setpoint is streamed, the first one at the moment of the step."""
+    states = [vehicle.truth]
+    for _ in range(round(duration_s / DT_S)):
+        if setpoint is not None:
+            vehicle.take_setpoint(setpoint)
+        vehicle.step()
+        states.append(vehicle.truth)
+    return states
+
+
+def fly(case: StepCase, vehicle: SimulatedVehicle) -> States:
+    """True states from the step on.
+
+    Args:
+        case: the step.
+        vehicle: one that hovers, of the case's drag; it is left as it is.
+    """
+    if case.setpoint is None:
+        return _fly_roll(case, vehicle.config)
+    flown = copy.deepcopy(vehicle)
+    if case.before is not None:
+        record(flown, SETTLED_S, case.before)
+    return record(flown, case.duration_s, case.setpoint)
+
+
+def _fly_roll(case: StepCase, config: AutopilotSimConfig) -> States:
+    """The inner loops alone, as an attitude setpoint commands them, after the setpoint's delay."""
+    airframe = Airframe(drag_n_s_m=case.drag_n_s_m)
+    hover = math.sqrt(GRAVITY_M_S2 * airframe.mass_kg / 4.0 / airframe.thrust_n_s2)
+    state = PlantState(ned_p_m=(0.0, 0.0, -50.0), rotors_rad_s=(hover, hover, hover, hover), on_ground=False)
+    controller, delay = Controller(airframe), round(config.setpoint_delay_s / DT_S)
+    states = [state]
+    for index in range(round(case.duration_s / DT_S)):
+        roll_rad = case.size if index >= delay else 0.0
+        estimate = Estimate(state.ned_p_m, state.ned_v_m_s, state.ned_q_body, state.body_rates_rad_s)
+        down = (0.0, -math.sin(roll_rad), math.cos(roll_rad))
+        rotors = controller.point(estimate, down, 0.0, GRAVITY_M_S2 / math.cos(roll_rad), DT_S)
+        state = step(airframe, state, rotors, DT_S, (0.0, 0.0, 0.0))
+        states.append(state)
+    return states
+
+
+def shares(case: StepCase, states: States) -> list[float]:
+    """The response at each cycle as a share of the step, 0 at its beginning.
+
+    A stop's step is the speed that the vehicle had: with much drag it has not reached the 2 m/s.
+    """
+    values = [case.response(state) for state in states]
+    size = -values[0] if case.before is not None else case.size
+    return [(value - values[0]) / size for value in values]
+
+
+def measured(case: StepCase, states: States) -> dict[str, float]:
+    """The figures that PX4 has for this step, of these states."""
+    response = shares(case, states)
+    return {name: _figure(name, response, states) for name in case.px4}
+
+
+def crossing_s(response: list[float], share: float) -> float:
+    """Time at which a response first reaches a share of its step, s; infinite when it never does."""
+    before = 0.0
+    for index, now in enumerate(response):
+        if now >= share:
+            return (index - (now - share) / (now - before)) * DT_S if index else 0.0
+        before = now
+    return math.inf
+
+
+def largest_tilt_deg(states: States) -> float:
+    """Largest angle between the body's z axis and the vertical, degrees."""
+    return max(math.degrees(math.acos(min(down_axis(s.ned_q_body)[2], 1.0))) for s in states)
+
+
+def fitted_loop(case: StepCase, mass_kg: float = 1.0) -> list[float]:
+    """Speed at each cycle of the loop that fits PX4's horizontal steps within 2 to 4 %, m/s.
+
+    It starts at rest and flies `before` first. Acceleration setpoint 1.8 e + 0.4 ∫e − 0.2 dv/dt, through two lags of
+    0.14 s in series, then dv/dt = a − (k_drag/m) v.
+    """
+    parts = [(case.before, SETTLED_S)] if case.before is not None else []
+    speed = integral = lag_1 = lag_2 = change = 0.0
+    out: list[float] = []
+    for setpoint, duration_s in [*parts, (case.setpoint, case.duration_s)]:
+        target = setpoint.ned_v_m_s[0] if setpoint is not None else 0.0
+        out = [speed]
+        for _ in range(round(duration_s / DT_S)):
+            error = target - speed
+            integral += error * DT_S
+            wanted = 1.8 * error + 0.4 * integral - 0.2 * change
+            lag_1 += (wanted - lag_1) * DT_S / 0.14
+            lag_2 += (lag_1 - lag_2) * DT_S / 0.14
+            change = lag_2 - case.drag_n_s_m / mass_kg * speed
+            speed += change * DT_S
+            out.append(speed)
+    return out
+
+
+def _figure(name: str, response: list[float], states: States) -> float:
+    if name in _SHARES:
+        return crossing_s(response, _SHARES[name])
+    return {
+        "overshoot_percent": lambda: 100.0 * (max(response) - 1.0),
+        "tilt_deg": lambda: largest_tilt_deg(states),
+        "speed_2s_m_s": lambda: states[round(2.0 / DT_S)].ned_v_m_s[0],
+        "speed_5s_m_s": lambda: states[round(5.0 / DT_S)].ned_v_m_s[0],
+        "stop_distance_m": lambda: max(s.ned_p_m[0] for s in states) - states[0].ned_p_m[0],
+        "yaw_rate_deg_s": lambda: max(math.degrees(s.body_rates_rad_s[2]) for s in states),
+    }[name]()
+
+
+def _roll(state: PlantState) -> float:
+    w, x, y, z = state.ned_q_body
+    return math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
