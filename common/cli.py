@@ -20,7 +20,7 @@ from common.supervisor import EXIT_CONFIG
 
 _EPILOG = """\
 Three terminals, in any order:
-  outrider sim                          the world and the simulated autopilot
+  outrider sim                          the world and the simulated autopilot (PX4 instead: docs/px4.md)
   outrider onboard --config kite        camera and helm, on the vehicle
   outrider ground  --config kite        tracker, console and recorder; console on http://localhost:8080
 Then fly from the console, or from a fourth:
@@ -29,6 +29,10 @@ Then fly from the console, or from a fourth:
   outrider do chase
   outrider do land
 """
+
+
+_POSE_PORTS = {"truth": 19410, "local": 19411}
+"""Where the world listens by default: PX4's SIH sends its truth to 19410; 19411 is that of `deploy/px4`."""
 
 
 def _add_config(parser: argparse.ArgumentParser) -> None:
@@ -64,6 +68,36 @@ def _add_side(subparsers: argparse._SubParsersAction, side: Side, doc: str) -> a
     return parser
 
 
+def _add_pose(parser: argparse.ArgumentParser) -> None:
+    """Where the world learns the pose of a vehicle that another autopilot flies."""
+    parser.add_argument(
+        "--pose",
+        choices=tuple(_POSE_PORTS),
+        help="external autopilot: the pose comes as truth (HIL_STATE_QUATERNION, as PX4's SIH sends it; default), or "
+        "as the autopilot's own estimate on a link of the world's own (local: LOCAL_POSITION_NED, ATTITUDE_QUATERNION)",
+    )
+    ports = ", ".join(f"{source} {port}" for source, port in _POSE_PORTS.items())
+    parser.add_argument("--pose-port", type=int, metavar="PORT", help=f"UDP port that it comes to (default: {ports})")
+
+
+def _pose_overrides(external: bool, pose: str | None, port: int | None) -> list[str]:
+    """Settings of the world for an external autopilot; none for Outrider's own.
+
+    Raises:
+        ConfigError: a pose option without an external autopilot.
+    """
+    if external:
+        source = pose or "truth"
+        # The autopilot's home is not the vehicle file's: the ground is where the vehicle first stands.
+        return ["world.home=first", f"world.source={source}", f"world.port={port or _POSE_PORTS[source]}"]
+    if pose is not None or port is not None:
+        raise ConfigError(
+            f"{'--pose' if pose else '--pose-port'}: got {pose or port} with Outrider's own autopilot, which needs "
+            "none; expected it beside --autopilot external (demo: --autopilot URL)"
+        )
+    return []
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="outrider",
@@ -76,8 +110,20 @@ def _parser() -> argparse.ArgumentParser:
 
     sim = _add_side(sub, "sim", "Start the simulated world and the simulated autopilot")
     sim.add_argument("--scenario", metavar="FILE", help="scenario file: a path, or a name in deploy/scenarios")
+    sim.add_argument(
+        "--autopilot",
+        dest="pilot",
+        choices=("own", "external"),
+        default="own",
+        help="own: the simulated one; external: the world alone, beside PX4 or another autopilot",
+    )
+    _add_pose(sim)
     onboard = _add_side(sub, "onboard", "Start the vehicle's side")
-    onboard.add_argument("--autopilot", metavar="URL", help="MAVLink URL, such as udpin://127.0.0.1:14540")
+    onboard.add_argument(
+        "--autopilot",
+        metavar="URL",
+        help="udpin://HOST:PORT (udpout, tcpin, tcpout) or serial:///dev/NAME:BAUD; default udpin://127.0.0.1:14540",
+    )
     onboard.add_argument("--source", metavar="PATH", help="video file or image folder instead of the simulated camera")
     _add_side(sub, "ground", "Start the ground station's side")
 
@@ -182,11 +228,17 @@ def _add_demo(sub: argparse._SubParsersAction) -> None:
     demo.add_argument("--report", metavar="FILE", help="write errors, losses and latencies as JSON")
     demo.add_argument("--scenario", metavar="FILE", default="chase", help="scenario (default: chase)")
     demo.add_argument("--seed", type=int, help="seed of the scenario's randomness")
+    demo.add_argument(
+        "--autopilot", metavar="URL", help="fly PX4 or another autopilot at this URL instead of the simulated one"
+    )
+    _add_pose(demo)
     _add_config(demo)
 
 
 def _run_side(args: argparse.Namespace) -> int:
-    overrides = list(args.overrides)
+    external = getattr(args, "pilot", "own") == "external"
+    overrides = _pose_overrides(external, getattr(args, "pose", None), getattr(args, "pose_port", None))
+    overrides += args.overrides  # the user's own settings win
     if getattr(args, "scenario", None):
         overrides.append(f"world.scenario={args.scenario}")
     if getattr(args, "autopilot", None):
@@ -195,7 +247,8 @@ def _run_side(args: argparse.Namespace) -> int:
         overrides.append(f"video.source={args.source}")
     load_config(args.config, overrides)  # refuse a bad configuration here, once, before anything starts
     arguments = ["--config", args.config, *(part for text in overrides for part in ("--set", text))]
-    return run_side(args.action, arguments + (["--verbose"] if args.verbose else []), args.without)
+    without = [*args.without, "autopilot"] if external else args.without
+    return run_side(args.action, arguments + (["--verbose"] if args.verbose else []), without)
 
 
 def _run_node(args: argparse.Namespace) -> int:
@@ -256,6 +309,7 @@ def _run_doctor(args: argparse.Namespace) -> int:
 
 
 def _run_demo(args: argparse.Namespace) -> int:
+    _pose_overrides(args.autopilot is not None, args.pose, args.pose_port)  # refuses what does not belong together
     return load_object("simulation.demo.run:main")(args)
 
 

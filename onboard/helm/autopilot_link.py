@@ -62,12 +62,18 @@ class AutopilotLink:
 
     def __init__(self, url: str, dialect: str = AUTO, listen_only: bool = False):
         self._url, self._wanted, self._listen_only = url, dialect, listen_only
-        log_subscribe(_to_logging)
+        mavsdk_log = _MavsdkLog()
+        log_subscribe(mavsdk_log)
         self._mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.COMPANION_COMPUTER))
         result = self._mavsdk.add_any_connection(url)
         if result != 0:
             self._mavsdk.destroy()
-            raise ConfigError(f"helm.autopilot_url: {url} cannot be opened ({result.name}); check host, port or device")
+            log_unsubscribe()
+            raise ConfigError(
+                f"helm.autopilot_url: {url} cannot be opened ({mavsdk_log.newest_error or result.name}); "
+                "check host, port or device"
+            )
+        mavsdk_log.to_warnings()
         self._lock = threading.Lock()
         self._attitudes: deque[tuple[int, str, str]] = deque(maxlen=_ATTITUDES)
         self._newest: dict[str, tuple[int, str, str]] = {}
@@ -337,7 +343,24 @@ def _equal(got: float, wanted: float) -> bool:
     return math.isclose(got, wanted, rel_tol=1e-4, abs_tol=1e-4)
 
 
-def _to_logging(level: LogLevel, text: str, _file: str | None, _line: int) -> bool:
-    """Send MAVSDK's own log lines to Python's, warnings and above only as such."""
-    log.log(logging.WARNING if level is LogLevel.ERROR else logging.DEBUG, "MAVSDK: %s", text)
-    return True
+class _MavsdkLog:
+    """Sends MAVSDK's own log lines to Python's: each error once as a warning, however often it is retried."""
+
+    def __init__(self) -> None:
+        self.newest_error = ""
+        """What went wrong last."""
+        self._seen: set[str] | None = None
+
+    def to_warnings(self) -> None:
+        """The link is open: from now on an error is a warning; before, it is the reason of a refusal."""
+        self._seen = {"Sending message failed"}  # says nothing that the silence of the autopilot does not say
+
+    def __call__(self, level: LogLevel, text: str, _file: str | None, _line: int) -> bool:
+        worth = False
+        if level is LogLevel.ERROR:
+            self.newest_error = text
+            worth = self._seen is not None and text not in self._seen
+            if self._seen is not None:
+                self._seen.add(text)
+        log.log(logging.WARNING if worth else logging.DEBUG, "MAVSDK: %s", text)
+        return True

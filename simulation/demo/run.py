@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Mapping
 from pathlib import Path
 
 from common.bus import Bus
@@ -38,14 +39,16 @@ class Sides:
     Args:
         arguments: for all (`--config …`, `--set …`).
         headless: leave out the console.
+        extra: further arguments by side.
     """
 
-    def __init__(self, arguments: list[str], headless: bool):
+    def __init__(self, arguments: list[str], headless: bool, extra: Mapping[str, list[str]] | None = None):
         self._processes: dict[str, subprocess.Popen] = {}
         for side in _SIDES:
-            extra = ["--without", "console"] if headless and side == "ground" else []
+            own = ["--without", "console"] if headless and side == "ground" else []
+            own += (extra or {}).get(side, [])
             self._processes[side] = subprocess.Popen(
-                [sys.executable, "-m", "common.cli", side, *arguments, *extra],
+                [sys.executable, "-m", "common.cli", side, *arguments, *own],
                 stdin=subprocess.DEVNULL,
                 process_group=0,
                 preexec_fn=_end_with_parent,
@@ -81,8 +84,18 @@ def _arguments(args: argparse.Namespace) -> list[str]:
     overrides = [*args.overrides, f"world.scenario={args.scenario}"]
     if args.seed is not None:
         overrides += [f"world.seed={args.seed}", f"autopilot.seed={args.seed}", f"pursuit.seed={args.seed}"]
-    load_config(args.config, overrides)  # one clear line here, before three sides say it thrice
+    checked = [f"helm.autopilot_url={args.autopilot}"] if args.autopilot else []
+    load_config(args.config, [*overrides, *checked])  # one clear line here, before three sides say it thrice
     return ["--config", args.config, *(part for text in overrides for part in ("--set", text))]
+
+
+def _external(args: argparse.Namespace) -> dict[str, list[str]]:
+    """Arguments of the sides that fly another autopilot than the simulated one; none where that flies."""
+    if args.autopilot is None:
+        return {}
+    pose = ["--pose", args.pose] if args.pose else []
+    port = ["--pose-port", str(args.pose_port)] if args.pose_port else []
+    return {"sim": ["--autopilot", "external", *pose, *port], "onboard": ["--autopilot", args.autopilot]}
 
 
 def main(args: argparse.Namespace) -> int:
@@ -96,7 +109,7 @@ def main(args: argparse.Namespace) -> int:
     arguments = _arguments(args)
     config = load_config(args.config, args.overrides)
     stop, _ = stop_on_signals()
-    sides = Sides(arguments, args.headless)
+    sides = Sides(arguments, args.headless, _external(args))
     watcher = threading.Thread(target=_watch, args=(sides, stop), daemon=True)
     watcher.start()
     try:

@@ -30,8 +30,8 @@ class WorldConfig(Section, frozen=True, kw_only=True):
     """Port that the pose comes to."""
     autopilot_port: Port = 19450
     """Port that stream rates are asked from while nothing has come; afterwards they are asked from the sender."""
-    home: tuple[float, float, float] | None = None
-    """Latitude and longitude, degrees, and altitude, m, of the NED origin. None: the first truth message, which is
+    home: tuple[float, float, float] | Literal["first"] = "first"
+    """Latitude and longitude, degrees, and altitude, m, of the NED origin. `first`: the first truth message, which is
     right when the world starts before the takeoff. Set it where the world may restart in flight."""
     truth_rate_hz: Annotated[float, msgspec.Meta(gt=0, le=250)] = 100.0
     """Rate that is asked of the pose messages, Hz."""

@@ -27,6 +27,7 @@ _SO_TIMESTAMPNS = 35
 _TIMESPEC = struct.Struct("@qq")
 # Own identity on the link: a companion computer's peripheral, which sends no heartbeat.
 _SYSTEM, _COMPONENT = 1, 158
+_AUTOPILOT = 1
 
 
 class TruthPortError(ConfigError):
@@ -45,7 +46,7 @@ class TruthPort:
 
     def __init__(self, config: WorldConfig):
         self._config = config
-        self._home = config.home
+        self._home = None if config.home == "first" else config.home
         self._lock = threading.Lock()
         self._history: deque[Motion] = deque()
         self._local: tuple[int, np.ndarray, np.ndarray] | None = None
@@ -102,6 +103,8 @@ class TruthPort:
         """Everything that one datagram says about the pose."""
         truth = self._config.source == "truth"
         for message in self._mav.parse_buffer(data) or ():
+            if message.get_srcComponent() == _AUTOPILOT:  # a link may carry the heartbeats of others too
+                self._peer = (sender, message.get_srcSystem())
             motion = None
             if truth and isinstance(message, mavlink.MAVLink_hil_state_quaternion_message):
                 motion = self._from_truth(message, arrival_ns)
@@ -114,7 +117,6 @@ class TruthPort:
             elif not truth and isinstance(message, mavlink.MAVLink_attitude_quaternion_message):
                 motion = self._from_local(message, arrival_ns)
             if motion is not None and _finite(motion):
-                self._peer = (sender, message.get_srcSystem())
                 self._keep(motion)
 
     def _from_truth(self, message: mavlink.MAVLink_hil_state_quaternion_message, arrival_ns: int) -> Motion:
