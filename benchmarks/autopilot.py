@@ -130,16 +130,12 @@ def _table(ours: Figures, scatter: Figures, rms: dict[str, float]) -> list[str]:
             value = ours[case.name][name]
             lines.append(
                 f"  {case.doc if index == 0 else '':34} {name:18} {value:8.3f} {_shown(band):>10} "
-                f"{band.deviation(value):+10.1%} {_scatter_text(case, scatter[case.name][name])}"
+                f"{band.deviation(value):+10.1%} {scatter[case.name][name]:8.3f}"
             )
         if case.name in rms:
             lines.append(f"  {'':34} {'rms_percent':18} {rms[case.name]:8.3f}            to the fitted loop")
     lines.append("  deviation: to the nearer end of PX4's range; noise: standard deviation over flights with noise")
     return lines
-
-
-def _scatter_text(case: StepCase, std: float) -> str:
-    return f"{std:8.3f}" if case.setpoint is not None else f"{'-':>8}"  # the roll is flown by the inner loops alone
 
 
 def _shown(band: Band) -> str:

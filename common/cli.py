@@ -31,8 +31,10 @@ Then fly from the console, or from a fourth:
 """
 
 
-_POSE_PORTS = {"truth": 19410, "local": 19411}
-"""Where the world listens by default: PX4's SIH sends its truth to 19410; 19411 is that of `deploy/px4`."""
+_POSE_PORTS = {"truth": 19410, "local": 19420}
+"""Where the world listens by default: PX4's SIH sends its truth to 19410; 19420 is that of `deploy/px4`."""
+_POSE_ASKED = {"truth": 19450, "local": 19460}
+"""Where it asks for message rates until it hears a pose."""
 
 
 def _add_config(parser: argparse.ArgumentParser) -> None:
@@ -89,7 +91,12 @@ def _pose_overrides(external: bool, pose: str | None, port: int | None) -> list[
     if external:
         source = pose or "truth"
         # The autopilot's home is not the vehicle file's: the ground is where the vehicle first stands.
-        return ["world.home=first", f"world.source={source}", f"world.port={port or _POSE_PORTS[source]}"]
+        return [
+            "world.home=first",
+            f"world.source={source}",
+            f"world.port={port or _POSE_PORTS[source]}",
+            f"world.autopilot_port={_POSE_ASKED[source]}",
+        ]
     if pose is not None or port is not None:
         raise ConfigError(
             f"{'--pose' if pose else '--pose-port'}: got {pose or port} with Outrider's own autopilot, which needs "

@@ -18,12 +18,22 @@ def pytest_configure() -> None:
     settings.load_profile("outrider")
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark every test by its folder."""
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Point the system tests at an autopilot that runs already (PX4 in the loop): standing, disarmed, at home."""
+    parser.addoption("--autopilot", metavar="URL", help="fly the system tests on this autopilot (default: our own)")
+    parser.addoption("--pose", choices=("truth", "local"), default="truth", help="with --autopilot: as `outrider sim`")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Mark every test by its folder; with another autopilot, leave out what needs ours."""
     for item in items:
         for mark in _FOLDER_MARKS:
             if mark in Path(item.path).parent.parts:
                 item.add_marker(mark)
+    if config.getoption("--autopilot"):
+        ours = [item for item in items if item.get_closest_marker("own_autopilot")]
+        config.hook.pytest_deselected(items=ours)
+        items[:] = [item for item in items if item not in ours]
 
 
 def sample_video() -> Path:

@@ -11,9 +11,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from simulation.autopilot.config import AutopilotSimConfig
-from simulation.autopilot.control import NAN, Controller, Estimate, MotionSetpoint, heading
+from simulation.autopilot.control import HOVER_THRUST
 from simulation.autopilot.modes import Mode, Verdict
-from simulation.autopilot.plant import GRAVITY_M_S2, Airframe, PlantState, Vec3, down_axis, step
+from simulation.autopilot.motion import FREE, NAN, AttitudeSetpoint, MotionSetpoint, Setpoint, heading
+from simulation.autopilot.plant import PlantState, Vec3, down_axis
 from simulation.autopilot.vehicle import SimulatedVehicle
 
 DT_S = 0.004
@@ -71,8 +72,8 @@ class StepCase:
     """Drag, N per m/s."""
     duration_s: float
     """How long the response is watched, s."""
-    setpoint: MotionSetpoint | None
-    """What is asked from the step on; None for the roll, which is an attitude."""
+    setpoint: Setpoint
+    """What is asked from the step on."""
     response: Callable[[PlantState], float]
     """What answers: speed, m/s, or angle, rad."""
     size: float
@@ -184,7 +185,7 @@ CASES: tuple[StepCase, ...] = (
         "roll 10 degrees",
         _DEFAULT,
         1.5,
-        None,
+        AttitudeSetpoint((math.cos(_ROLL_RAD / 2), math.sin(_ROLL_RAD / 2), 0.0, 0.0), FREE, HOVER_THRUST),
         lambda s: _roll(s),
         _ROLL_RAD,
         {"t10_s": _at(0.14), "t50_s": _at(0.25), "t63_s": _at(0.29), "t90_s": _at(0.46), "overshoot_percent": _at(3.0)},
@@ -232,7 +233,7 @@ def hovering(config: AutopilotSimConfig) -> SimulatedVehicle:
     return vehicle
 
 
-def record(vehicle: SimulatedVehicle, duration_s: float, setpoint: MotionSetpoint | None) -> States:
+def record(vehicle: SimulatedVehicle, duration_s: float, setpoint: Setpoint | None) -> States:
     """True states while a setpoint is streamed, the first one at the moment of the step."""
     states = [vehicle.truth]
     for _ in range(round(duration_s / DT_S)):
@@ -250,29 +251,10 @@ def fly(case: StepCase, vehicle: SimulatedVehicle) -> States:
         case: the step.
         vehicle: one that hovers, of the case's drag; it is left as it is.
     """
-    if case.setpoint is None:
-        return _fly_roll(case, vehicle.config)
     flown = copy.deepcopy(vehicle)
     if case.before is not None:
         record(flown, SETTLED_S, case.before)
     return record(flown, case.duration_s, case.setpoint)
-
-
-def _fly_roll(case: StepCase, config: AutopilotSimConfig) -> States:
-    """The inner loops alone, as an attitude setpoint commands them, after the setpoint's delay."""
-    airframe = Airframe(drag_n_s_m=case.drag_n_s_m)
-    hover = math.sqrt(GRAVITY_M_S2 * airframe.mass_kg / 4.0 / airframe.thrust_n_s2)
-    state = PlantState(ned_p_m=(0.0, 0.0, -50.0), rotors_rad_s=(hover, hover, hover, hover), on_ground=False)
-    controller, delay = Controller(airframe), round(config.setpoint_delay_s / DT_S)
-    states = [state]
-    for index in range(round(case.duration_s / DT_S)):
-        roll_rad = case.size if index >= delay else 0.0
-        estimate = Estimate(state.ned_p_m, state.ned_v_m_s, state.ned_q_body, state.body_rates_rad_s)
-        down = (0.0, -math.sin(roll_rad), math.cos(roll_rad))
-        rotors = controller.point(estimate, down, 0.0, GRAVITY_M_S2 / math.cos(roll_rad), DT_S)
-        state = step(airframe, state, rotors, DT_S, (0.0, 0.0, 0.0))
-        states.append(state)
-    return states
 
 
 def shares(case: StepCase, states: States) -> list[float]:
@@ -311,12 +293,17 @@ def fitted_loop(case: StepCase, mass_kg: float = 1.0) -> list[float]:
 
     It starts at rest and flies `before` first. Acceleration setpoint 1.8 e + 0.4 ∫e − 0.2 dv/dt, through two lags of
     0.14 s in series, then dv/dt = a − (k_drag/m) v.
+
+    Raises:
+        TypeError: the step is no velocity.
     """
     parts = [(case.before, SETTLED_S)] if case.before is not None else []
     speed = integral = lag_1 = lag_2 = change = 0.0
     out: list[float] = []
     for setpoint, duration_s in [*parts, (case.setpoint, case.duration_s)]:
-        target = setpoint.ned_v_m_s[0] if setpoint is not None else 0.0
+        if not isinstance(setpoint, MotionSetpoint):
+            raise TypeError(f"{case.name}: the fitted loop flies velocities only")
+        target = setpoint.ned_v_m_s[0]
         out = [speed]
         for _ in range(round(duration_s / DT_S)):
             error = target - speed

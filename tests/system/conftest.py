@@ -9,18 +9,20 @@ from pathlib import Path
 import pytest
 
 from common.config import find_file
-from tests.system.stack import Flight, Link, Stack
+from tests.system.stack import External, Flight, Link, Stack
 
 
 @pytest.fixture
-def make_stack(tmp_path: Path) -> Iterator[Callable[..., Stack]]:
+def make_stack(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Callable[..., Stack]]:
     """Makes stacks; all are ended after the test."""
     stacks: list[Stack] = []
+    url = request.config.getoption("--autopilot")
+    external = External(str(url), str(request.config.getoption("--pose"))) if url else None
 
     def make(*overrides: str, environment: dict[str, str] | None = None) -> Stack:
         folder = tmp_path / f"stack{len(stacks)}"
         folder.mkdir()
-        stacks.append(Stack(folder, overrides, environment))
+        stacks.append(Stack(folder, overrides, environment, external))
         return stacks[-1]
 
     yield make

@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +52,16 @@ class Seen:
         return [r for r in list(self.all) if r.received_ns >= t_ns]
 
 
+@dataclass(frozen=True)
+class External:
+    """An autopilot that the tests did not start."""
+
+    url: str
+    """Where helm reaches it."""
+    pose: str
+    """Where the world learns its pose: `truth` or `local`, on the default port."""
+
+
 class Stack:
     """Simulation, onboard side and ground side as a user starts them, on ports of their own.
 
@@ -58,9 +69,16 @@ class Stack:
         folder: for logs and recordings.
         overrides: `section.key=value` texts on top of the ports.
         environment: additional environment variables.
+        external: another autopilot than the simulated one.
     """
 
-    def __init__(self, folder: Path, overrides: Iterable[str] = (), environment: dict[str, str] | None = None):
+    def __init__(
+        self,
+        folder: Path,
+        overrides: Iterable[str] = (),
+        environment: dict[str, str] | None = None,
+        external: External | None = None,
+    ):
         self.folder = folder
         tcp, udp = free_ports(3), free_ports(6, socket.SOCK_DGRAM)
         self.onboard_port, self.ground_port, self.console_port = tcp
@@ -76,6 +94,22 @@ class Stack:
             f"bus.onboard_router=tcp/127.0.0.1:{self.onboard_port}",
             f"bus.ground_router=tcp/127.0.0.1:{self.ground_port}",
             f"bus.link=tcp/127.0.0.1:{self.onboard_port}",
+            f"console.port={self.console_port}",
+            f"recorder.folder={folder / 'recordings'}",
+            *(self._own_autopilot() if external is None else [f"helm.autopilot_url={external.url}"]),
+            *overrides,
+        ]
+        self._sim = [] if external is None else ["--autopilot", "external", "--pose", external.pose]
+        if external is not None:
+            self.gcs_port = 14550
+        self._environment = {**os.environ, **(environment or {})}
+        self.sides: dict[str, subprocess.Popen] = {}
+        self._buses: list[Bus] = []
+        self.config = load_config("kite", self.settings)
+
+    def _own_autopilot(self) -> list[str]:
+        """Settings that put the simulated autopilot and what listens to it on ports of their own."""
+        return [
             f"helm.autopilot_url=udpin://127.0.0.1:{self.helm_port}",
             f"autopilot.onboard.local_port={self.autopilot_onboard}",
             f"autopilot.onboard.remote_port={self.helm_port}",
@@ -85,21 +119,15 @@ class Stack:
             f"autopilot.truth.remote_port={self.world_port}",
             f"world.port={self.world_port}",
             f"world.autopilot_port={self.autopilot_truth}",
-            f"console.port={self.console_port}",
-            f"recorder.folder={folder / 'recordings'}",
-            *overrides,
         ]
-        self._environment = {**os.environ, **(environment or {})}
-        self.sides: dict[str, subprocess.Popen] = {}
-        self._buses: list[Bus] = []
-        self.config = load_config("kite", self.settings)
 
     def arguments(self) -> list[str]:
         """Command-line arguments that every process needs."""
         return ["--config", "kite", *(part for text in self.settings for part in ("--set", text))]
 
     def start(self, side: str, *extra: str) -> subprocess.Popen:
-        """Start a side (`sim`, `onboard`, `ground`)."""
+        """Start a side (`sim`, `onboard`, `ground`), or one process (`node`)."""
+        extra = (*self._sim, *extra) if side == "sim" else extra
         with (self.folder / f"{side}.log").open("ab") as log:
             process = subprocess.Popen(
                 [sys.executable, "-m", "common.cli", side, *self.arguments(), *extra],

@@ -81,6 +81,7 @@ def test_taken_console_port_is_named(make_stack: MakeStack) -> None:
     assert "console.port" in stack.log("ground")
 
 
+@pytest.mark.own_autopilot
 def test_taken_autopilot_port_is_named(make_stack: MakeStack) -> None:
     stack = make_stack()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
@@ -107,6 +108,7 @@ def test_missing_graphics_library_names_the_packages(make_stack: MakeStack, tmp_
     assert "Traceback" not in result.stderr
 
 
+@pytest.mark.own_autopilot
 def test_unreachable_autopilot_is_reported_and_waited_for(make_stack: MakeStack) -> None:
     stack = make_stack()
     stack.start("onboard")
@@ -131,6 +133,7 @@ def test_commands_without_a_router_say_what_to_start() -> None:
     assert "outrider ground" in result.stderr
 
 
+@pytest.mark.own_autopilot
 def test_ctrl_c_ends_every_process_within_five_seconds(make_stack: MakeStack) -> None:
     stack = make_stack("world.scenario=calm")
     for side in ("ground", "sim", "onboard"):  # in an order that nobody would choose

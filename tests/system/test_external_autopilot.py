@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import time
 from collections.abc import Callable
 
 import cv2
@@ -10,9 +11,10 @@ import numpy as np
 import pytest
 
 from tests.system.bridge import Bridge
-from tests.system.stack import Flight, Seen, Stack
+from tests.system.stack import Flight, Seen, Stack, free_ports
 
 MakeStack = Callable[..., Stack]
+pytestmark = [pytest.mark.slow, pytest.mark.own_autopilot]
 WITHOUT = ("--without", "console", "--without", "recorder", "--without", "pursuit")
 
 
@@ -42,7 +44,6 @@ def _flies_and_is_seen(flight: Flight) -> None:
     assert np.abs(_picture(pictures) - low).mean() > 4.0, "the picture did not change with the height"
 
 
-@pytest.mark.slow
 def test_flies_over_a_serial_line_with_the_world_on_the_truth_port(make_stack: MakeStack) -> None:
     stack = make_stack("world.scenario=calm")
     bridge, device = Bridge.serial(stack.helm_port, stack.autopilot_onboard)
@@ -57,7 +58,6 @@ def test_flies_over_a_serial_line_with_the_world_on_the_truth_port(make_stack: M
         bridge.close()
 
 
-@pytest.mark.slow
 def test_flies_over_tcp_with_the_world_on_the_autopilot_s_estimate(make_stack: MakeStack) -> None:
     stack = make_stack("world.scenario=calm")
     # the command line's own port is tested: the world listens where the autopilot's second link sends
@@ -73,3 +73,33 @@ def test_flies_over_tcp_with_the_world_on_the_autopilot_s_estimate(make_stack: M
             _flies_and_is_seen(Flight(stack))
         finally:
             bridge.close()
+
+
+@pytest.mark.parametrize("scheme", ["tcpin", "udpout"])
+def test_the_gate_opens_over_the_other_links(scheme: str, make_stack: MakeStack) -> None:
+    stack = make_stack("helm.camera_required=false")
+    _start_autopilot(stack)
+    port = stack.autopilot_onboard if scheme == "udpout" else free_ports(1)[0]
+    stack.start("onboard", "--without", "camera", "--autopilot", f"{scheme}://127.0.0.1:{port}")
+    status = Seen(stack.bus("onboard"), "helm/status")
+    bridge = _connected(port, stack) if scheme == "tcpin" else None
+    try:
+        deadline = time.monotonic() + 25
+        while not (status.last and status.last.preflight and all(item.ok for item in status.last.preflight)):
+            assert time.monotonic() < deadline, f"{status.last}; {stack.logs()}"
+            time.sleep(0.05)
+        assert status.last.state == "standby"
+    finally:
+        if bridge is not None:
+            bridge.close()
+
+
+def _connected(port: int, stack: Stack) -> Bridge:
+    """A bridge to helm's listening socket, once it is there."""
+    deadline = time.monotonic() + 15
+    while True:
+        try:
+            return Bridge.tcp_to(port, stack.helm_port, stack.autopilot_onboard)
+        except ConnectionRefusedError:
+            assert time.monotonic() < deadline, stack.logs()
+            time.sleep(0.1)

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import common as mavlink
 
@@ -58,6 +59,7 @@ def _second_helm_is_refused(flight: Flight) -> None:
     assert flight.state == "hold"
 
 
+@pytest.mark.own_autopilot
 def test_stick_changes_hands(make_flight: MakeFlight) -> None:
     path = os.pathsep.join(filter(None, [str(FREEZER), os.environ.get("PYTHONPATH", "")]))
     flight = make_flight(

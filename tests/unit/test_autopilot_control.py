@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from simulation.autopilot.control import NAN, MotionSetpoint, heading
+from simulation.autopilot.motion import NAN, MotionSetpoint, heading
 from simulation.autopilot.plant import GRAVITY_M_S2, down_axis
 from simulation.autopilot.response import (
     CASES,

@@ -50,7 +50,7 @@ def test_an_unknown_argument_is_named(arguments: list[str], said: str, capsys: p
         (["ground", "--set", "pursuit.hight=3"], "pursuit"),
         (["sim", "--config", "kyte"], "kyte"),
         (["sim", "--pose", "local"], "expected it beside --autopilot external"),
-        (["demo", "--pose-port", "19411"], "expected it beside --autopilot external"),
+        (["demo", "--pose-port", "19420"], "expected it beside --autopilot external"),
         (["demo", "--autopilot", "udp:14540"], "expected udpin://HOST:PORT"),
         (["sim", "--autopilot", "external", "--pose-port", "70000"], "65535"),
     ],
@@ -66,7 +66,7 @@ def test_what_cannot_be_read_is_one_line(arguments: list[str], said: str, capsys
     [
         ([], ["truth", 19410, (47.397742, 8.545594, 488.0)]),
         (["--autopilot", "external"], ["truth", 19410, "first"]),
-        (["--autopilot", "external", "--pose", "local"], ["local", 19411, "first"]),
+        (["--autopilot", "external", "--pose", "local"], ["local", 19420, "first"]),
         (["--autopilot", "external", "--pose", "local", "--pose-port", "14551"], ["local", 14551, "first"]),
         (["--autopilot", "external", "--set", "world.home=[1.0, 2.0, 3.0]"], ["truth", 19410, (1.0, 2.0, 3.0)]),
     ],

@@ -156,3 +156,26 @@ def test_without_an_autopilot_helm_goes_on_and_ends_quickly():
     start = time.monotonic()
     node.close()
     assert time.monotonic() - start < 3.0
+
+
+@pytest.mark.parametrize(
+    ("url", "why"),
+    [
+        ("serial:///dev/no-such-line:57600", "No such file or directory"),
+        ("serial:///dev/null:57600", "ioctl"),
+        ("tcpin://203.0.113.9:5760", "Cannot assign requested address"),
+    ],
+)
+def test_a_link_that_cannot_be_opened_is_refused_with_the_reason(url: str, why: str) -> None:
+    with pytest.raises(ConfigError, match=rf"helm\.autopilot_url: {url} cannot be opened \(.*{why}.*\); check host"):
+        AutopilotLink(url)
+
+
+def test_an_error_that_repeats_is_said_once(caplog: pytest.LogCaptureFixture) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+    with caplog.at_level("WARNING"):
+        link = AutopilotLink(f"tcpout://127.0.0.1:{port}")
+        time.sleep(2.5)  # MAVSDK tries again each second
+        link.close(hold=False)
+    assert [r.getMessage() for r in caplog.records] == ["MAVSDK: Connect error: Connection refused"]
