@@ -9,7 +9,19 @@ from common.cli import main
 from common.processes import load_config
 from simulation.world.config import WorldConfig
 
-COMMANDS = ("sim", "onboard", "ground", "node", "do", "topics", "preflight", "doctor", "demo", "bench")
+COMMANDS = (
+    "sim",
+    "onboard",
+    "ground",
+    "node",
+    "do",
+    "topics",
+    "preflight",
+    "doctor",
+    "demo",
+    "console-password",
+    "bench",
+)
 
 
 @pytest.mark.parametrize("command", COMMANDS)
