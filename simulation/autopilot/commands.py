@@ -10,6 +10,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import development as mavlink
 
+from simulation.autopilot.estimator import Fault, Sensor
 from simulation.autopilot.link import UdpLink
 from simulation.autopilot.modes import Mode, Verdict
 from simulation.autopilot.rates import FIRST_S
@@ -24,8 +25,8 @@ _FORCE_MAGIC = 21196
 _SECOND_ACK_S = 0.008
 _REBOOT_DELAY_S = 0.4  # PX4 shuts down this long after it has acknowledged
 _REBOOT = 1
-_PX4_MODES: dict[tuple[int, int], Mode] = {mode.value: mode for mode in Mode}
-_MANUAL_MAIN_MODES = (1, 2, 3, 5, 7, 8)  # they need a pilot's sticks, which are not there
+_PX4_MODES: dict[tuple[int, ...], Mode] = {mode.value: mode for mode in Mode}
+_RATTITUDE = 8  # known to PX4, and no longer flown
 
 Parameters7 = Sequence[float]
 
@@ -51,6 +52,7 @@ class Commands:
             mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_interval,
             mavlink.MAV_CMD_GET_MESSAGE_INTERVAL: self._get_interval,
             mavlink.MAV_CMD_REQUEST_MESSAGE: self._request_message,
+            mavlink.MAV_CMD_INJECT_FAILURE: self._inject_failure,
             mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: self._reboot,
             mavlink.MAV_CMD_REQUEST_PROTOCOL_VERSION: self._request_version,
             mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: self._request_version,
@@ -120,10 +122,10 @@ class Commands:
 
     def change_mode(self, main: int, sub: int) -> Verdict:
         """Command the mode of PX4's main and sub numbers."""
-        mode = _PX4_MODES.get((main, 0 if main == Mode.OFFBOARD.value[0] else sub))
+        mode = _PX4_MODES.get((main, sub if main == Mode.HOLD.value[0] else 0))
         if mode is not None:
             return self._vehicle.command(mode)
-        return Verdict.TEMPORARILY_REJECTED if main in _MANUAL_MAIN_MODES else Verdict.DENIED
+        return Verdict.TEMPORARILY_REJECTED if main == _RATTITUDE else Verdict.DENIED
 
     def _reposition(self, link: UdpLink, p: Parameters7) -> Verdict:
         """Hold here, which is how a ground station pauses; going elsewhere is not supported."""
@@ -156,6 +158,18 @@ class Commands:
 
     def _request_version(self, link: UdpLink, p: Parameters7) -> Verdict:
         link.send(self._telemetry.autopilot_version())
+        return Verdict.ACCEPTED
+
+    def _inject_failure(self, link: UdpLink, p: Parameters7) -> Verdict:
+        """Let a sensor fail or heal; only where SYS_FAILURE_EN lets it."""
+        if not self._vehicle.parameters["SYS_FAILURE_EN"]:
+            return Verdict.DENIED
+        try:
+            sensor, fault = Sensor(p[0]), Fault(p[1])
+        except ValueError:
+            return Verdict.UNSUPPORTED
+        self._vehicle.estimator.faults[sensor] = fault
+        log.info("injected failure: %s %s", sensor.name, fault.name)
         return Verdict.ACCEPTED
 
     def _reboot(self, link: UdpLink, p: Parameters7) -> Verdict:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 
@@ -17,6 +17,17 @@ class LinkConfig(Section, frozen=True, kw_only=True):
     """Port that the autopilot listens on."""
     remote_port: Port
     """Port that it sends to until somebody else speaks to it."""
+
+
+class FailureConfig(Section, frozen=True, kw_only=True):
+    """A sensor that fails at a time."""
+
+    at_s: NonNegative
+    """When, s of autopilot time since the start."""
+    sensor: Literal["gps", "mag", "baro"]
+    """Which sensor."""
+    kind: Literal["off", "stuck", "wrong", "none"] = "off"
+    """How: silent, repeating its last reading, or wrong; `none` heals it."""
 
 
 class AutopilotSimConfig(Section, frozen=True, kw_only=True):
@@ -84,6 +95,8 @@ class AutopilotSimConfig(Section, frozen=True, kw_only=True):
     accel_noise_m_s2: NonNegative = 0.05
     """White noise of the reported accelerometer, per axis, m/s²."""
 
+    failures: tuple[FailureConfig, ...] = ()
+    """Sensors that fail during the flight."""
     dead_reckoning_m_s2: NonNegative = 0.1
     """Growth of the velocity estimate's error while GNSS is lost, m/s²."""
     wrong_gps_m_s: NonNegative = 1.0

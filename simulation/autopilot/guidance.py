@@ -66,6 +66,10 @@ class Guidance:
             return self._fly(estimate, p["MPC_TKO_SPEED"], p["MPC_Z_V_AUTO_DN"], dt_s)
         if mode is Mode.LAND:
             return self._land(estimate, dt_s)
+        if mode is Mode.DESCEND:  # blind: level, so that the wind carries it, and down
+            return MotionSetpoint(
+                ned_v_m_s=(NAN, NAN, p["MPC_LAND_SPEED"]), ned_a_m_s2=(0.0, 0.0, NAN), yaw_rad=self._yaw
+            )
         if mode is Mode.RETURN:
             return self._return(estimate, dt_s)
         return self._fly(estimate, p["MPC_Z_V_AUTO_UP"], p["MPC_Z_V_AUTO_DN"], dt_s)

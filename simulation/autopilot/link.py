@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import heapq
-import math
 import socket
 from collections import Counter
 from collections.abc import Mapping
@@ -70,8 +69,6 @@ class UdpLink:
         """Where messages go."""
         self.peer_is_ground_station = False
         """Whether the newest heartbeat of a peer was a ground station's."""
-        self.ground_station_at_s = -math.inf
-        """When that was, autopilot time, s."""
         self._period_s = {message_id: 1.0 / hz for message_id, hz in self._default_hz.items()}
         self._due = [(self._first_s.get(message_id, 0.0), message_id) for message_id in self._default_hz]
         heapq.heapify(self._due)

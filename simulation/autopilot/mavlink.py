@@ -15,12 +15,14 @@ from simulation.autopilot.link import UdpLink
 from simulation.autopilot.motion import heading
 from simulation.autopilot.parameters import from_wire, to_wire
 from simulation.autopilot.setpoints import SetpointRefused, decode, decode_attitude
+from simulation.autopilot.sticks import Sticks
 from simulation.autopilot.telemetry import Message, Telemetry
 from simulation.autopilot.vehicle import SimulatedVehicle
 
 log = logging.getLogger(__name__)
 
 _GROUND_STATION = 6  # MAV_TYPE_GCS
+_AXIS_ABSENT = 32767
 _MISSION_UNSUPPORTED = 3
 
 
@@ -57,6 +59,7 @@ class Protocol:
             "MISSION_COUNT": self._on_mission_count,
             "MISSION_CLEAR_ALL": self._on_mission_clear,
             "TIMESYNC": self._on_timesync,
+            "MANUAL_CONTROL": self._on_manual_control,
         }
 
     def handle(self, link: UdpLink, message: Message) -> None:
@@ -64,7 +67,7 @@ class Protocol:
         handler = self._handlers.get(message.get_type())
         if handler is None:
             return
-        system = getattr(message, "target_system", 0)
+        system = getattr(message, "target_system", getattr(message, "target", 0))
         component = getattr(message, "target_component", 0)
         if system in (0, self._system_id) and component in (0, 1):
             handler(link, message)
@@ -105,6 +108,8 @@ class Protocol:
 
     def _on_heartbeat(self, link: UdpLink, m: Any) -> None:
         link.peer_is_ground_station = m.type == _GROUND_STATION
+        if link.peer_is_ground_station:
+            self._vehicle.ground_station_at_s = self._vehicle.t_s
         if link in self._shared:
             for other in self._shared:
                 if other is not link:
@@ -125,6 +130,12 @@ class Protocol:
             return
         self.counters["setpoints"] += 1
         self._vehicle.take_setpoint(setpoint)
+
+    def _on_manual_control(self, link: UdpLink, m: Any) -> None:
+        """Sticks of a joystick: x forward, y right, z up (0 to 1000), r clockwise; 32767 leaves an axis at rest."""
+        x, y, r = (0.0 if axis == _AXIS_ABSENT else min(max(axis / 1000.0, -1.0), 1.0) for axis in (m.x, m.y, m.r))
+        throttle = 0.0 if m.z == _AXIS_ABSENT else min(max(m.z / 500.0 - 1.0, -1.0), 1.0)
+        self._vehicle.pilot.take(Sticks(y, x, r, throttle), self._vehicle.t_s)
 
     def _on_timesync(self, link: UdpLink, m: Any) -> None:
         if m.tc1 == 0:

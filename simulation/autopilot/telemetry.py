@@ -8,6 +8,8 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20 import development as mavlink
 
+from simulation.autopilot.battery import WARNING_CRITICAL
+from simulation.autopilot.estimator import Fault, Sensor
 from simulation.autopilot.modes import Mode
 from simulation.autopilot.motion import heading
 from simulation.autopilot.plant import GRAVITY_M_S2, Quat, Vec3
@@ -19,8 +21,13 @@ EARTH_RADIUS_M = 6371000.0
 _MAG_NED_GAUSS = (0.21, 0.01, 0.43)  # central Europe
 _SENSORS = 1 | 2 | 4 | 8 | 32  # gyroscope, accelerometer, magnetometer, barometer, GPS (MAV_SYS_STATUS_SENSOR)
 _CONTROLS = 1024 | 2048 | 4096 | 8192 | 16384 | 32768 | 2097152 | 33554432
+_RECEIVER = 65536
+_XY_CONTROL, _AHRS, _BATTERY = 16384, 2097152, 33554432
 _PREARM = 1 << 28
-_STANDARD_MODES = {Mode.RETURN: 5, Mode.LAND: 7, Mode.TAKEOFF: 8}  # MAV_STANDARD_MODE; the others have none
+_SENSOR_BITS = {Sensor.MAG: 4, Sensor.BARO: 8, Sensor.GPS: 32}
+_CHARGE_STATES = (1, 2, 3, 4)  # MAV_BATTERY_CHARGE_STATE by level of warning
+# MAV_STANDARD_MODE; the others have none
+_STANDARD_MODES = {Mode.POSITION: 1, Mode.ALTITUDE: 3, Mode.RETURN: 5, Mode.LAND: 7, Mode.TAKEOFF: 8}
 _HOME_SET_S = 2.4
 _CUSTOM, _STABILISED, _MANUAL, _ARMED = 1, 16, 64, 128  # MAV_MODE_FLAG
 _AUTOMATIC = 4 | 8 | 16
@@ -40,6 +47,7 @@ class Telemetry:
         self._lat_deg, self._lon_deg = config.home_lat_deg, config.home_lon_deg
         self._deg_per_north_m = math.degrees(1.0 / EARTH_RADIUS_M)
         self._deg_per_east_m = self._deg_per_north_m / math.cos(math.radians(config.home_lat_deg))
+        self._last_fix: Message | None = None
         self._rng = random.Random(f"{config.seed}/imu")
         m = mavlink
         self._builders: dict[int, Callable[[], Message | None]] = {
@@ -95,10 +103,14 @@ class Telemetry:
         base = _CUSTOM | (_ARMED if modes.armed else 0)
         if modes.mode.automatic:
             base |= _AUTOMATIC
+        elif modes.mode.manual:
+            base |= _MANUAL
         asked = self._vehicle.attitude_setpoint
-        if asked is None or asked.ned_q_body is not None:
+        if modes.mode is not Mode.ACRO and (asked is None or asked.ned_q_body is not None):
             base |= _STABILISED
-        if modes.failsafe:
+        if modes.terminated:
+            status = 8
+        elif modes.failsafe:
             status = 5
         elif modes.armed:
             status = 4
@@ -107,10 +119,20 @@ class Telemetry:
         return mavlink.MAVLink_heartbeat_message(2, 12, base, modes.mode.custom_mode, status, 3)
 
     def sys_status(self) -> Message:
-        """SYS_STATUS: sensors healthy at once, the arming check (bit 28) once ready."""
+        """SYS_STATUS: sensors healthy until they fail, the arming check (bit 28) while it may be armed."""
         vehicle = self._vehicle
-        present = _SENSORS | _CONTROLS | _PREARM
-        health = _SENSORS | _CONTROLS | (_PREARM if vehicle.situation.ready else 0)
+        now = vehicle.situation
+        present = _SENSORS | _CONTROLS | _PREARM | (0 if now.sticks_lost else _RECEIVER)
+        health = present
+        for sensor, bit in _SENSOR_BITS.items():
+            if vehicle.estimator.faults[sensor] is Fault.OFF:
+                health &= ~bit
+        if not now.position_ok:
+            health &= ~(_XY_CONTROL | _AHRS)
+        if now.battery_warning >= WARNING_CRITICAL:
+            health &= ~_BATTERY
+        if not (now.ready and now.position_ok and now.battery_warning == 0 and not now.link_lost):
+            health &= ~_PREARM
         b = vehicle.battery
         return mavlink.MAVLink_sys_status_message(
             present,
@@ -132,14 +154,20 @@ class Telemetry:
         """SYSTEM_TIME; UTC is unknown to the simulated receiver."""
         return mavlink.MAVLink_system_time_message(0, self.time_ms)
 
-    def gps_raw_int(self) -> Message:
-        """GPS_RAW_INT of a receiver with a 3-D fix."""
+    def gps_raw_int(self) -> Message | None:
+        """GPS_RAW_INT of a receiver with a 3-D fix; the last one of a receiver that is stuck, None of a silent one."""
+        fault = self._vehicle.estimator.faults[Sensor.GPS]
+        if fault is Fault.OFF:
+            return None
+        if fault is Fault.STUCK:
+            return self._last_fix
         lat, lon, alt = self._global(self._vehicle.estimate.ned_p_m, self._origin)
         vn, ve, _ = self._vehicle.estimate.ned_v_m_s
         course = round(math.degrees(math.atan2(ve, vn)) * 100) % 36000
-        return mavlink.MAVLink_gps_raw_int_message(
+        self._last_fix = mavlink.MAVLink_gps_raw_int_message(
             self.time_us, 3, lat, lon, alt, 70, 90, _centi(math.hypot(vn, ve)), course, 14, alt, 700, 900, 300, 0
         )
+        return self._last_fix
 
     def attitude(self) -> Message:
         """ATTITUDE of the estimate."""
@@ -239,7 +267,17 @@ class Telemetry:
         b = self._vehicle.battery
         cells = [round(b.voltage_v / 4 * 1e3)] * 4 + [65535] * 6
         return mavlink.MAVLink_battery_status_message(
-            0, 0, 1, 2500, cells, round(b.current_a * 1e2), -1, -1, round(b.fraction * 100)
+            0,
+            0,
+            1,
+            2500,
+            cells,
+            round(b.current_a * 1e2),
+            -1,
+            -1,
+            round(b.fraction * 100),
+            0,
+            _CHARGE_STATES[self._vehicle.situation.battery_warning],
         )
 
     def autopilot_version(self) -> Message:
@@ -263,7 +301,7 @@ class Telemetry:
         if v.landed:
             state = 1
         else:
-            state = {Mode.TAKEOFF: 3, Mode.LAND: 4}.get(v.modes.mode, 2)
+            state = {Mode.TAKEOFF: 3, Mode.LAND: 4, Mode.DESCEND: 4}.get(v.modes.mode, 2)
         return mavlink.MAVLink_extended_sys_state_message(0, state)
 
     def odometry(self) -> Message:

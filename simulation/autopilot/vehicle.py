@@ -10,13 +10,15 @@ from simulation.autopilot import battery as battery_model
 from simulation.autopilot import plant
 from simulation.autopilot.config import AutopilotSimConfig
 from simulation.autopilot.control import Controller, Limits
-from simulation.autopilot.estimator import Estimator
+from simulation.autopilot.estimator import Estimator, Fault, Sensor
 from simulation.autopilot.guidance import Guidance
+from simulation.autopilot.manual import ManualFlight
 from simulation.autopilot.modes import Mode, ModeMachine, Situation, Verdict
 from simulation.autopilot.motion import AttitudeSetpoint, MotionSetpoint, Setpoint
 from simulation.autopilot.noise import Wind
 from simulation.autopilot.parameters import Parameters
 from simulation.autopilot.plant import Airframe, PlantState, Vec3
+from simulation.autopilot.sticks import StickReader
 
 _NOISE_PERIOD_S = 0.02  # noise and gusts are slower than the cycle
 _LIFTED_S = 0.1  # off the ground for this long: in the air
@@ -68,9 +70,17 @@ class SimulatedVehicle:
         slow = self._slow_start.random() < config.slow_start_probability
         self._ready_at_s = config.ready_after_s + (_SLOW_START_S if slow else 0.0)
         self._guidance = Guidance(self.parameters)
+        self._manual = ManualFlight(self.parameters)
+        self.pilot = StickReader(self.parameters)
+        """The pilot's sticks."""
+        self.ground_station_at_s = -math.inf
+        """When a ground station was heard last, autopilot time, s."""
+        self._outside, self._warning, self._link_lost = False, 0, False
+        self._failures = deque(sorted(config.failures, key=lambda failure: failure.at_s))
         self._queue: deque[tuple[float, Setpoint]] = deque()
         self._offboard: Setpoint | None = None
         self._stream_at_s = -math.inf
+        self._stream_of_motion = True
         self._contact_changed_s = 0.0
         self._lift_at_s: float | None = None
         self._stuck = False
@@ -101,13 +111,31 @@ class SimulatedVehicle:
         """What the modes know of the vehicle now."""
         done = self.modes.mode is Mode.TAKEOFF and self._guidance.takeoff_done(self.estimate)
         ready = self.t_s >= self._ready_at_s
-        return Situation(self.t_s, ready, self.landed, self.t_s - self._stream_at_s, done)
+        pilot, estimator = self.pilot, self.estimator
+        lost = pilot.lost(self.t_s)
+        return Situation(
+            self.t_s,
+            ready,
+            self.landed,
+            self.t_s - self._stream_at_s,
+            done,
+            estimator.position_valid,
+            estimator.height_valid,
+            lost,
+            not lost and pilot.moved(self.t_s),
+            math.nan if lost else pilot.sticks.throttle,
+            self._link_lost,
+            self._warning,
+            self._outside,
+            self._stream_of_motion,
+        )
 
     def take_setpoint(self, setpoint: Setpoint) -> None:
         """Receive an OFFBOARD setpoint; it acts after `setpoint_delay_s`, and only in OFFBOARD."""
         if not self.modes.stream_alive(self.situation):
             self._offboard = None  # what an earlier stream asked for must not be flown again
         self._stream_at_s = self.t_s
+        self._stream_of_motion = isinstance(setpoint, MotionSetpoint)
         self._queue.append((self.t_s + self.config.setpoint_delay_s, setpoint))
 
     def command(self, mode: Mode, takeoff_height_m: float | None = None) -> Verdict:
@@ -138,7 +166,7 @@ class SimulatedVehicle:
         if self.t_s >= self._noise_at_s:
             self._noise_at_s += _NOISE_PERIOD_S
             self.wind_m_s = self._wind.update()
-            self.estimator.drift()
+            self._watch()
         if self._revision != self.parameters.revision:
             self._take_limits()
         self.estimate = self.estimator.estimate(self.truth, self.landed)
@@ -147,6 +175,7 @@ class SimulatedVehicle:
         self.modes.update(self.situation)
         if self._entries != self.modes.entries:
             self._guidance.enter(self.modes.mode, self.estimate, self._flown_mode)
+            self._manual.enter(self.estimate)
             self._entries, self._flown_mode = self.modes.entries, self.modes.mode
         rotors = self._rotors()
         self.truth = plant.step(self.airframe, self.truth, rotors, dt_s, self.wind_m_s)
@@ -163,6 +192,21 @@ class SimulatedVehicle:
             2 * (x * y - w * z) * fn + (1 - 2 * (x * x + z * z)) * fe + 2 * (y * z + w * x) * fd,
             2 * (x * z + w * y) * fn + 2 * (y * z - w * x) * fe + (1 - 2 * (x * x + y * y)) * fd,
         )
+
+    def _watch(self) -> None:
+        """What changes slowly: wind, errors of the estimate, failures of the configuration, fence, battery, link."""
+        p = self.parameters
+        self.wind_m_s = self._wind.update()
+        while self._failures and self._failures[0].at_s <= self.t_s:
+            failure = self._failures.popleft()
+            self.estimator.faults[Sensor[failure.sensor.upper()]] = Fault[failure.kind.upper()]
+        self.estimator.drift()
+        n, e, d = self.estimate.ned_p_m
+        across, above = p["GF_MAX_HOR_DIST"], p["GF_MAX_VER_DIST"]
+        self._outside = self.estimator.position_valid and (0 < across < math.hypot(n, e) or 0 < above < -d)
+        self._warning = battery_model.warning(self.battery, p)
+        silence_s = self.t_s - self.ground_station_at_s
+        self._link_lost = p["NAV_DLL_ACT"] > 0 and silence_s > p["COM_DL_LOSS_T"]
 
     def _take_limits(self) -> None:
         p = self.parameters
@@ -201,6 +245,8 @@ class SimulatedVehicle:
         mode = self.modes.mode
         if mode is Mode.OFFBOARD:
             return self._offboard or MotionSetpoint(ned_v_m_s=(0.0, 0.0, 0.0))
+        if mode.manual:
+            return self._manual.setpoint(mode, self.pilot.sticks, self.estimate, self.dt_s)
         return self._guidance.setpoint(mode, self.estimate, self.dt_s)
 
     def _idle(self) -> plant.Rotors:
@@ -216,7 +262,7 @@ class SimulatedVehicle:
             return False
         if self.modes.mode is Mode.TAKEOFF:
             return not self._stuck
-        if self.modes.mode is not Mode.OFFBOARD:
+        if self.modes.mode is not Mode.OFFBOARD and not self.modes.mode.manual:
             return False
         down, sink = self.setpoint.ned_p_m[2], self.setpoint.ned_v_m_s[2]
         return down < self.estimate.ned_p_m[2] - 0.3 or sink < -0.1 or self.setpoint.ned_a_m_s2[2] < -1.0

@@ -68,6 +68,11 @@ class Peer:
         values = (fields.get(n, 0.0) for n in names)
         self.send(mavlink.MAVLink_set_attitude_target_message(0, 1, 1, mask, q, *values))
 
+    def sticks(self, pitch: float = 0.0, roll: float = 0.0, throttle: float = 0.0, yaw: float = 0.0) -> None:
+        """A joystick's positions, −1 to 1 each, the throttle's middle at 0."""
+        x, y, r = (round(1000 * axis) for axis in (pitch, roll, yaw))
+        self.send(mavlink.MAVLink_manual_control_message(1, x, y, round(500 * (throttle + 1.0)), r, 0))
+
     def collect(self, t_s: float) -> None:
         while True:
             try:

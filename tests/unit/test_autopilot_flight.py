@@ -116,7 +116,7 @@ class Pilot:
 @pytest.fixture
 def pilot() -> Iterator[Pilot]:
     ports = free_ports(6)
-    table = json.dumps(settings(ports, parameters={"COM_OBL_RC_ACT": 5}))
+    table = json.dumps(settings(ports, sign_frames=True, parameters={"COM_OBL_RC_ACT": 5}))
     process = subprocess.Popen([sys.executable, "-c", _PROGRAM, table])
     try:
         pilot = Pilot(ports)

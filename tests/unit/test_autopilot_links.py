@@ -261,6 +261,44 @@ def test_garbage_is_counted_and_harms_nothing(rig: Rig) -> None:
     assert rig.companion.acks(519) == [0]
 
 
+@pytest.mark.parametrize("ours", [False, True])
+def test_frames_may_be_signed_in_either_direction(ours: bool) -> None:
+    rig = Rig(sign_frames=ours)
+    try:
+        rig.companion.mav.signing.secret_key = bytes(range(32))
+        rig.companion.mav.signing.sign_outgoing = True
+        rig.run(4.6)
+        rig.companion.command(400, 1.0)
+        rig.run(0.1)
+        assert rig.companion.acks(400) == [0] and rig.vehicle.modes.armed, "a signed command is obeyed"
+        signed = {bool(m.get_header().incompat_flags & 1) for m in rig.companion.got("ATTITUDE")}
+        assert signed == {ours}
+        assert rig.autopilot.links[0].counters["bad"] == 0
+    finally:
+        rig.close()
+
+
+def test_a_start_is_sometimes_slow_and_repeats_for_a_seed() -> None:
+    ready = []
+    for seed in (1, 1):
+        rig = Rig(slow_start_probability=1.0, seed=seed)
+        rig.run(7.0)
+        ready.append(next(t for t, m in rig.companion.inbox if getattr(m, "onboard_control_sensors_health", 0) >> 28))
+        rig.close()
+    assert ready == [pytest.approx(6.8, abs=0.25)] * 2
+
+
+def test_a_vehicle_without_a_gimbal_has_none_to_offer(rig: Rig) -> None:
+    rig.run(3.0)
+    for message_id in (280, 281, 283, 285):  # GIMBAL_MANAGER_INFORMATION, ..._STATUS, GIMBAL_DEVICE_INFORMATION, ...
+        rig.companion.command(512, float(message_id))
+    rig.companion.command(1000, 0.0, 0.0)  # DO_GIMBAL_MANAGER_PITCHYAW
+    rig.companion.command(1001, 1.0, 1.0)  # DO_GIMBAL_MANAGER_CONFIGURE
+    rig.run(0.1)
+    assert rig.companion.acks(512) == [2, 2, 2, 2]
+    assert rig.companion.acks(1000) == [3] and rig.companion.acks(1001) == [3]
+
+
 def test_a_takeoff_that_fails_is_acknowledged_and_does_not_climb() -> None:
     rig = Rig(takeoff_failure_probability=1.0)
     try:

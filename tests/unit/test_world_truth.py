@@ -183,9 +183,13 @@ def wait_for_pose(port: TruthPort) -> int:
     return newest_ns
 
 
-def test_hil_state_quaternion_becomes_a_pose_and_home_is_the_first_one() -> None:
+@pytest.mark.parametrize("signed", [False, True])
+def test_hil_state_quaternion_becomes_a_pose_and_home_is_the_first_one(signed: bool) -> None:
     number = free_port()
     autopilot = Autopilot(number)
+    if signed:  # PX4 signs its frames; the world has no key
+        autopilot.mav.signing.secret_key = bytes(range(32))
+        autopilot.mav.signing.sign_outgoing = True
     port = TruthPort(WorldConfig(port=number, autopilot_port=autopilot.port))
     try:
         sent_ns = time.monotonic_ns()
