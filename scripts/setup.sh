@@ -2,7 +2,7 @@
 # Installs what is missing, and nothing else: system packages, the virtual environment .venv, Python packages.
 #
 #   scripts/setup.sh run    what `make demo` and `make bench` need
-#   scripts/setup.sh dev    and what `make lint` and `make fast` need
+#   scripts/setup.sh dev    and what `make lint` and `make fast` need (systemd's checker, openssl)
 #   scripts/setup.sh test   and what `make test` needs (Chromium, a sample video, iproute2)
 #
 # System packages come through apt-get, as root or with sudo. Where neither is possible it prints the one command that
@@ -73,6 +73,10 @@ missing_packages() {
     fi
   fi
   has_gl || echo libegl1 libegl-mesa0 libopengl0 libgles2 libgl1-mesa-dri
+  if [ "$LEVEL" != run ]; then
+    command -v systemd-analyze >/dev/null || echo systemd   # checks the unit files
+    command -v openssl >/dev/null || echo openssl           # makes a certificate for the console
+  fi
   if [ "$LEVEL" = test ]; then
     find_chromium >/dev/null || if apt_knows chromium; then echo chromium; else echo chromium-browser; fi
     command -v ip >/dev/null || [ -x /sbin/ip ] || echo iproute2
