@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable
 
 from common.config import Config
+from common.helm_lock import HelmLock, require_free_port
 from common.messages import (
     CameraInfo,
     HelmStatus,
@@ -23,7 +24,6 @@ from onboard.helm.autopilot_link import AutopilotLink
 from onboard.helm.commands import COMMANDS, obey
 from onboard.helm.config import HelmConfig
 from onboard.helm.flight import Flight
-from onboard.helm.lock import HelmLock, require_free_port
 from onboard.helm.pilot import View
 from onboard.helm.preflight import CameraView, gate
 from onboard.helm.seen import BLIND, Seen, TrackView

@@ -32,7 +32,6 @@ SHELLS = (
     "node.py",
     "process.py",
     "onboard/helm/autopilot_link.py",  # MAVSDK
-    "onboard/helm/lock.py",  # one helm a vehicle
     "onboard/camera/source.py",  # cameras and files
     "ground/recorder/intake.py",  # the queue between threads
     "ground/console/",  # all of it is the operator's page

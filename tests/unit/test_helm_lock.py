@@ -11,13 +11,13 @@ from pathlib import Path
 import pytest
 
 from common.config import ConfigError
+from common.helm_lock import HelmLock, HelmTaken, require_free_port
 from common.runner import AlreadyRunning
-from onboard.helm.lock import HelmLock, HelmTaken, require_free_port
 
 _ROOT = Path(__file__).parents[2]
 _URL = "udpin://127.0.0.1:24999"
 _HOLDER = (
-    "import sys, time; from pathlib import Path; from onboard.helm.lock import HelmLock; "
+    "import sys, time; from pathlib import Path; from common.helm_lock import HelmLock; "
     "lock = HelmLock(sys.argv[1], 'kite', Path(sys.argv[2])); print('held', flush=True); time.sleep(60)"
 )
 

@@ -1,4 +1,7 @@
-"""One helm per autopilot link on this machine: a lock file that the kernel releases when its process ends."""
+"""One hand per autopilot link on this machine: a lock file that the kernel releases when its process ends.
+
+Helm takes it, and so does a desk tool that commands a vehicle.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ from common.runner import AlreadyRunning
 
 
 class HelmTaken(AlreadyRunning):
-    """Another helm on this machine holds the link to this autopilot (exit code 3, as for any second process)."""
+    """Another program on this machine holds the link to this autopilot (exit code 3, as for any second process)."""
 
 
 def runtime_dir() -> Path:
@@ -37,13 +40,14 @@ class HelmLock:
         url: the autopilot's URL.
         vehicle: name of the vehicle, for the text that a second helm shows.
         folder: where lock files live.
+        holder: who holds it, for that text; `helm of vehicle …` when empty.
 
     Raises:
         HelmTaken: another process holds it; the text names the process.
         ConfigError: the folder cannot be written.
     """
 
-    def __init__(self, url: str, vehicle: str, folder: Path | None = None):
+    def __init__(self, url: str, vehicle: str, folder: Path | None = None, holder: str = ""):
         name = re.sub(r"[^A-Za-z0-9.]+", "-", url).strip("-")[:60]
         digest = hashlib.sha256(url.encode()).hexdigest()[:8]
         try:
@@ -57,14 +61,14 @@ class HelmLock:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             self._file.seek(0)
-            holder = self._file.read().strip() or "another process"
+            present = self._file.read().strip() or "another process"
             self._file.close()
             raise HelmTaken(
-                f"helm: {url} is held by {holder}; one helm commands a vehicle. Stop that one first, or "
+                f"helm: {url} is held by {present}; one helm commands a vehicle. Stop that one first, or "
                 f"set helm.autopilot_url to another vehicle's link"
             ) from None
         self._file.truncate(0)
-        self._file.write(f"helm of vehicle {vehicle!r}, process {os.getpid()}")
+        self._file.write(f"{holder or f'helm of vehicle {vehicle!r}'}, process {os.getpid()}")
         self._file.flush()
 
     def close(self) -> None:
