@@ -150,12 +150,16 @@ def _parser() -> argparse.ArgumentParser:
     _add_preflight(sub)
     _add_doctor(sub)
     _add_demo(sub)
+<<<<<<< HEAD
     password = sub.add_parser(
         "console-password",
         help="Set the console's password",
         description="Ask for the console's password (or read it from a pipe) and write its salted hash, mode 0600.",
     )
     password.add_argument("file", metavar="FILE", help="the file that console.password_file names")
+=======
+    _add_conformance(sub)
+>>>>>>> e50efdb (outrider conformance URL: contract tests of the MAVLink surface against any autopilot)
     sub.add_parser("bench", help="Run a benchmark", add_help=False)  # reads its arguments itself, -h among them
     return parser
 
@@ -242,6 +246,22 @@ def _add_demo(sub: argparse._SubParsersAction) -> None:
     _add_config(demo)
 
 
+def _add_conformance(sub: argparse._SubParsersAction) -> None:
+    parser = sub.add_parser(
+        "conformance",
+        help="Check that an autopilot behaves as PX4 does, at any URL",
+        description="Contract tests of the MAVLink surface: prints passes and differences. It commands the vehicle "
+        "itself, without helm, and flies only a simulation on this machine, or with --fly.",
+    )
+    parser.add_argument("url", nargs="?", metavar="URL", help="MAVLink URL, such as udpin://127.0.0.1:14540")
+    parser.add_argument("--quick", action="store_true", help="the checks of a short run")
+    parser.add_argument("--only", metavar="NAME", action="append", default=[], help="one check; may be repeated")
+    parser.add_argument("--fly", action="store_true", help="spin the motors also where the URL is not loopback")
+    parser.add_argument("--json", metavar="FILE", help="write the report as JSON")
+    parser.add_argument("--list", action="store_true", help="list the checks")
+    parser.add_argument("--verbose", action="store_true", help="show every comparison")
+
+
 def _run_side(args: argparse.Namespace) -> int:
     external = getattr(args, "pilot", "own") == "external"
     overrides = _pose_overrides(external, getattr(args, "pose", None), getattr(args, "pose_port", None))
@@ -320,8 +340,13 @@ def _run_demo(args: argparse.Namespace) -> int:
     return load_object("simulation.demo.run:main")(args)
 
 
+<<<<<<< HEAD
 def _run_console_password(args: argparse.Namespace) -> int:
     return load_object("ground.console.password:ask_and_write")(args.file)
+=======
+def _run_conformance(args: argparse.Namespace) -> int:
+    return load_object("simulation.conformance.process:main")(args)
+>>>>>>> e50efdb (outrider conformance URL: contract tests of the MAVLink surface against any autopilot)
 
 
 def _run_bench(args: argparse.Namespace) -> int:
@@ -338,7 +363,11 @@ _ACTIONS = {
     "preflight": _run_preflight,
     "doctor": _run_doctor,
     "demo": _run_demo,
+<<<<<<< HEAD
     "console-password": _run_console_password,
+=======
+    "conformance": _run_conformance,
+>>>>>>> e50efdb (outrider conformance URL: contract tests of the MAVLink surface against any autopilot)
     "bench": _run_bench,
 }
 

@@ -31,6 +31,7 @@ LIBRARIES = {
 SHELLS = (
     "node.py",
     "process.py",
+    "simulation/conformance/",  # speaks MAVLink to an autopilot
     "onboard/helm/autopilot_link.py",  # MAVSDK
     "onboard/camera/source.py",  # cameras and files
     "ground/recorder/intake.py",  # the queue between threads

@@ -1,0 +1,1 @@
+"""Contract tests of an autopilot's MAVLink surface, against any URL: what PX4 was measured to do, and what differs."""
