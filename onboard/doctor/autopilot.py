@@ -11,13 +11,13 @@ from common.config import Config, ConfigError
 from common.doctor.finding import Finding, fault, from_error, ok, warning
 from common.doctor.ports import holders
 from common.doctor.routers import hear, visit
+from common.helm_lock import HelmLock
 from common.messages import HelmStatus
 from common.session import BusConfig
 from onboard.helm.actions import Action
 from onboard.helm.autopilot_link import AutopilotLink
 from onboard.helm.config import HelmConfig
 from onboard.helm.dialect.base import Kind
-from onboard.helm.lock import HelmLock
 from onboard.helm.telemetry import Telemetry
 
 _STATUS_S = 2.0

@@ -9,9 +9,9 @@ from pathlib import Path
 from common.config import Config
 from common.doctor.finding import Finding, fault, ok
 from common.doctor.ports import PortUse, examine_ports, tcp_port
+from common.helm_lock import runtime_dir
 from common.session import BusConfig
 from onboard.helm.config import HelmConfig
-from onboard.helm.lock import runtime_dir
 
 
 def ports(config: Config, sides: tuple[str, ...]) -> Iterator[Finding]:

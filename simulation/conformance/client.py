@@ -139,10 +139,10 @@ class Client:
     # ------------------------------------------------------------ looking back
 
     def since(self, t_s: float, *names: str) -> list[Seen]:
-        """Messages of these names received from a time on, oldest first."""
+        """Messages of these names received after a time, oldest first."""
         found: list[Seen] = []
         for seen in reversed(self.seen):
-            if seen.t_s < t_s:
+            if seen.t_s <= t_s:
                 break
             if not names or seen.message.get_type() in names:
                 found.append(seen)

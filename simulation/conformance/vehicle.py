@@ -209,7 +209,7 @@ class Vehicle:
 
     def _settled(self) -> bool:
         vn, ve, vd = self.ned_v_m_s
-        level = abs(self.ned_p_m[2] + HEIGHT_M) < 0.25
+        level = abs(self.ned_p_m[2] + HEIGHT_M) < 0.12
         return level and math.hypot(vn, ve) < 0.12 and abs(vd) < 0.25 and abs(self.field("ATTITUDE", "yawspeed")) < 0.1
 
     def watch_closely(self, close: bool) -> None:

@@ -231,7 +231,7 @@ def test_a_device_that_is_absent_or_forbidden(tmp_path: Path, monkeypatch: pytes
 
 
 def test_a_held_lock_names_its_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from onboard.helm.lock import HelmLock
+    from common.helm_lock import HelmLock
 
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     assert "no helm holds one" in only(locks(Config({}, {}), ())).found

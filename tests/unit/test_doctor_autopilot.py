@@ -11,12 +11,12 @@ import pytest
 
 from common.config import build
 from common.doctor.finding import Finding
+from common.helm_lock import HelmLock
 from common.processes import load_config
 from onboard.doctor.autopilot import autopilot, of_gate
 from onboard.helm.actions import Action
 from onboard.helm.autopilot_link import AutopilotLink
 from onboard.helm.dialect.base import Kind
-from onboard.helm.lock import HelmLock
 from simulation.autopilot.config import AutopilotSimConfig
 from simulation.autopilot.process import AutopilotProcess
 from tests.system.stack import free_ports as free_tcp_ports

@@ -46,6 +46,7 @@ def rates(vehicle: Vehicle, judge: Judge) -> None:
 
 def health(vehicle: Vehicle, judge: Judge) -> None:
     """Readiness is bit 28 of the SYS_STATUS health, on the ground, with a battery and landed state reported."""
+    vehicle.client.latest.pop("SYS_STATUS", None)  # what was heard before does not count
     ready = vehicle.client.run(12.0, lambda: vehicle.ready)
     judge.truth("ready (bit 28)", ready, ready, "set within 12 s")
     judge.equal("landed_state", vehicle.field("EXTENDED_SYS_STATE", "landed_state"), 1)
@@ -55,6 +56,7 @@ def health(vehicle: Vehicle, judge: Judge) -> None:
 def home(vehicle: Vehicle, judge: Judge) -> None:
     """HOME_POSITION on request, and the vehicle stands there."""
     client = vehicle.client
+    client.run(12.0, lambda: vehicle.ready)
     client.latest.pop("HOME_POSITION", None)
     acks = [result for _, result in client.command(REQUEST_MESSAGE, _HOME_POSITION)]
     judge.equal("acknowledgement", acks, [ACCEPTED])

