@@ -150,16 +150,13 @@ def _parser() -> argparse.ArgumentParser:
     _add_preflight(sub)
     _add_doctor(sub)
     _add_demo(sub)
-<<<<<<< HEAD
     password = sub.add_parser(
         "console-password",
         help="Set the console's password",
         description="Ask for the console's password (or read it from a pipe) and write its salted hash, mode 0600.",
     )
     password.add_argument("file", metavar="FILE", help="the file that console.password_file names")
-=======
     _add_conformance(sub)
->>>>>>> e50efdb (outrider conformance URL: contract tests of the MAVLink surface against any autopilot)
     sub.add_parser("bench", help="Run a benchmark", add_help=False)  # reads its arguments itself, -h among them
     return parser
 
@@ -340,13 +337,12 @@ def _run_demo(args: argparse.Namespace) -> int:
     return load_object("simulation.demo.run:main")(args)
 
 
-<<<<<<< HEAD
 def _run_console_password(args: argparse.Namespace) -> int:
     return load_object("ground.console.password:ask_and_write")(args.file)
-=======
+
+
 def _run_conformance(args: argparse.Namespace) -> int:
     return load_object("simulation.conformance.process:main")(args)
->>>>>>> e50efdb (outrider conformance URL: contract tests of the MAVLink surface against any autopilot)
 
 
 def _run_bench(args: argparse.Namespace) -> int:
@@ -363,11 +359,8 @@ _ACTIONS = {
     "preflight": _run_preflight,
     "doctor": _run_doctor,
     "demo": _run_demo,
-<<<<<<< HEAD
     "console-password": _run_console_password,
-=======
     "conformance": _run_conformance,
->>>>>>> e50efdb (outrider conformance URL: contract tests of the MAVLink surface against any autopilot)
     "bench": _run_bench,
 }
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from common.config import ConfigError, unknown_key_text
-from simulation.conformance.checks import ending, ground, motion, stream
+from simulation.conformance.checks import attitude, ending, ground, motion, stream
 from simulation.conformance.judge import Judge
 from simulation.conformance.vehicle import Vehicle
 
@@ -70,6 +70,8 @@ CHECKS: dict[str, Check] = {
         Check("loss-5", stream.loss(5), "air"),
         Check("yielding", stream.yielding, "air"),
         Check("mode-latency", stream.mode_latency, "air", quick=False),
+        Check("attitude", attitude.attitude, "air", quick=False),
+        Check("thrust", attitude.thrust, "air", quick=False),
         Check("land", ending.land, "landing"),
         Check("reboot", ending.reboot, quick=False, commands=True),
     )

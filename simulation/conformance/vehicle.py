@@ -41,6 +41,7 @@ class Vehicle:
         self.takeoffs_failed = 0
         """Takeoffs that were acknowledged and did not climb."""
         self._originals: dict[str, Any] = {}
+        self._until_landed: set[str] = set()
         self._fast = False
 
     # ------------------------------------------------------------ state
@@ -107,8 +108,16 @@ class Vehicle:
         message = self.client.param_read(name)
         return None if message is None else decode(message)
 
-    def set_param(self, name: str, value: float) -> bool:
-        """Write a parameter, remembering what it was; whether it was answered with that value."""
+    def set_param(self, name: str, value: float, until_landed: bool = False) -> bool:
+        """Write a parameter, remembering what it was; whether it was answered with that value.
+
+        Args:
+            name: of the parameter.
+            value: its new value.
+            until_landed: put it back after the landing instead of after the check.
+        """
+        if until_landed:
+            self._until_landed.add(name)
         before = self.client.param_read(name)
         if before is None:
             return False
@@ -116,9 +125,11 @@ class Vehicle:
         return self._write(name, value, before.param_type)
 
     def restore_params(self) -> list[str]:
-        """Put all changed parameters back; returns the names that did not take it."""
+        """Put changed parameters back; returns the names that did not take it."""
         failed = []
         for name, before in list(self._originals.items()):
+            if name in self._until_landed and self.armed:
+                continue
             if self._write(name, decode(before), before.param_type):
                 del self._originals[name]
             else:

@@ -19,6 +19,7 @@ COMMANDS = (
     "preflight",
     "doctor",
     "demo",
+    "conformance",
     "console-password",
     "bench",
 )

@@ -128,7 +128,7 @@ ON_THE_GROUND = [
     Deviation("home", "acknowledgement", up=lose("COMMAND_LONG", is_command(512))),
     Deviation("parameters", "type", down=put("PARAM_VALUE", param_type=9)),
     Deviation("parameters", "MIS_TAKEOFF_ALT written", up=lose("PARAM_SET")),
-    Deviation("parameters", "listed", down=lose("PARAM_VALUE", lambda m: m.param_index > 20)),
+    Deviation("parameters", "listed", down=lose("PARAM_VALUE", lambda m: m.param_id.startswith("CAL_"))),
     Deviation("return-altitude", "RTL_RETURN_ALT", up=lose("PARAM_SET", is_param("RTL_RETURN_ALT"))),
     Deviation("signing", "signed request", up=_TO_SIGNED),
     Deviation("offboard-refused", "acknowledgements", down=_NOT_ACCEPTED),
@@ -159,6 +159,8 @@ IN_THE_AIR = [
     Deviation("loss-5", "mode after", *other_action(4, 5)),
     Deviation("yielding", "entered", up=swap_hold),
     Deviation("mode-latency", "mode seen", down=lambda m: None if m.get_type() in ("HEARTBEAT", "CURRENT_MODE") else m),
+    Deviation("attitude", "roll in OFFBOARD", up=put("SET_ATTITUDE_TARGET", q=(1.0, 0.0, 0.0, 0.0))),
+    Deviation("thrust", "sink", up=put("SET_ATTITUDE_TARGET", thrust=0.495)),
     Deviation("land", "motors stop", down=put("PARAM_VALUE", is_param("COM_DISARM_LAND"), param_value=9.0)),
 ]
 
