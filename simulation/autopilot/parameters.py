@@ -36,7 +36,7 @@ DEFAULTS: Mapping[str, Value] = MappingProxyType(
         "COM_RC_OVERRIDE": 1,  # bits: moving the sticks takes over from 1 automatic modes, 2 OFFBOARD
         "COM_RC_STICK_OV": 30.0,  # percent, how much movement that takes
         "COM_SPOOLUP_TIME": 1.0,  # s from arming to lift
-        "EKF2_NOAID_TOUT": 5.0,  # s without GNSS that the position stays valid (PX4 counts in µs)
+        "EKF2_NOAID_TOUT": 5_000_000,  # µs without GNSS that the position stays valid
         "GF_ACTION": 2,  # 0 nothing, 1 warn, 2 hold, 3 return, 4 terminate, 5 land
         "GF_MAX_HOR_DIST": 0.0,  # m from home, 0: no fence
         "GF_MAX_VER_DIST": 0.0,  # m above home, 0: no fence

@@ -8,9 +8,8 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from simulation.autopilot.battery import WARNING_CRITICAL
+from simulation.autopilot import status
 from simulation.autopilot.estimator import Fault, Sensor
-from simulation.autopilot.modes import Mode
 from simulation.autopilot.motion import heading
 from simulation.autopilot.plant import GRAVITY_M_S2, Quat, Vec3
 from simulation.autopilot.vehicle import SimulatedVehicle
@@ -19,18 +18,7 @@ Message = mavlink.MAVLink_message
 
 EARTH_RADIUS_M = 6371000.0
 _MAG_NED_GAUSS = (0.21, 0.01, 0.43)  # central Europe
-_SENSORS = 1 | 2 | 4 | 8 | 32  # gyroscope, accelerometer, magnetometer, barometer, GPS (MAV_SYS_STATUS_SENSOR)
-_CONTROLS = 1024 | 2048 | 4096 | 8192 | 16384 | 32768 | 2097152 | 33554432
-_RECEIVER = 65536
-_XY_CONTROL, _AHRS, _BATTERY = 16384, 2097152, 33554432
-_PREARM = 1 << 28
-_SENSOR_BITS = {Sensor.MAG: 4, Sensor.BARO: 8, Sensor.GPS: 32}
-_CHARGE_STATES = (1, 2, 3, 4)  # MAV_BATTERY_CHARGE_STATE by level of warning
-# MAV_STANDARD_MODE; the others have none
-_STANDARD_MODES = {Mode.POSITION: 1, Mode.ALTITUDE: 3, Mode.RETURN: 5, Mode.LAND: 7, Mode.TAKEOFF: 8}
 _HOME_SET_S = 2.4
-_CUSTOM, _STABILISED, _MANUAL, _ARMED = 1, 16, 64, 128  # MAV_MODE_FLAG
-_AUTOMATIC = 4 | 8 | 16
 _NO_COVARIANCE = (math.nan,) + (0.0,) * 20
 
 
@@ -51,8 +39,8 @@ class Telemetry:
         self._rng = random.Random(f"{config.seed}/imu")
         m = mavlink
         self._builders: dict[int, Callable[[], Message | None]] = {
-            m.MAVLINK_MSG_ID_HEARTBEAT: self.heartbeat,
-            m.MAVLINK_MSG_ID_SYS_STATUS: self.sys_status,
+            m.MAVLINK_MSG_ID_HEARTBEAT: lambda: status.heartbeat(vehicle),
+            m.MAVLINK_MSG_ID_SYS_STATUS: lambda: status.sys_status(vehicle),
             m.MAVLINK_MSG_ID_SYSTEM_TIME: self.system_time,
             m.MAVLINK_MSG_ID_GPS_RAW_INT: self.gps_raw_int,
             m.MAVLINK_MSG_ID_ATTITUDE: self.attitude,
@@ -67,12 +55,12 @@ class Telemetry:
             m.MAVLINK_MSG_ID_TIMESYNC: self.timesync,
             m.MAVLINK_MSG_ID_HIL_STATE_QUATERNION: self.hil_state_quaternion,
             m.MAVLINK_MSG_ID_ALTITUDE: self.altitude,
-            m.MAVLINK_MSG_ID_BATTERY_STATUS: self.battery_status,
+            m.MAVLINK_MSG_ID_BATTERY_STATUS: lambda: status.battery_status(vehicle),
             m.MAVLINK_MSG_ID_AUTOPILOT_VERSION: self.autopilot_version,
             m.MAVLINK_MSG_ID_HOME_POSITION: self.home_position,
-            m.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: self.extended_sys_state,
+            m.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: lambda: status.extended_sys_state(vehicle),
             m.MAVLINK_MSG_ID_ODOMETRY: self.odometry,
-            m.MAVLINK_MSG_ID_CURRENT_MODE: self.current_mode,
+            m.MAVLINK_MSG_ID_CURRENT_MODE: lambda: status.current_mode(vehicle),
         }
 
     def knows(self, message_id: int) -> bool:
@@ -96,59 +84,6 @@ class Telemetry:
     def time_ms(self) -> int:
         """Autopilot time since the start, ms."""
         return int(self._vehicle.t_s * 1e3)
-
-    def heartbeat(self) -> Message:
-        """HEARTBEAT with PX4's base mode, custom mode and system status."""
-        modes = self._vehicle.modes
-        base = _CUSTOM | (_ARMED if modes.armed else 0)
-        if modes.mode.automatic:
-            base |= _AUTOMATIC
-        elif modes.mode.manual:
-            base |= _MANUAL
-        asked = self._vehicle.attitude_setpoint
-        if modes.mode is not Mode.ACRO and (asked is None or asked.ned_q_body is not None):
-            base |= _STABILISED
-        if modes.terminated:
-            status = 8
-        elif modes.failsafe:
-            status = 5
-        elif modes.armed:
-            status = 4
-        else:
-            status = 3 if self._vehicle.situation.ready else 0
-        return mavlink.MAVLink_heartbeat_message(2, 12, base, modes.mode.custom_mode, status, 3)
-
-    def sys_status(self) -> Message:
-        """SYS_STATUS: sensors healthy until they fail, the arming check (bit 28) while it may be armed."""
-        vehicle = self._vehicle
-        now = vehicle.situation
-        present = _SENSORS | _CONTROLS | _PREARM | (0 if now.sticks_lost else _RECEIVER)
-        health = present
-        for sensor, bit in _SENSOR_BITS.items():
-            if vehicle.estimator.faults[sensor] is Fault.OFF:
-                health &= ~bit
-        if not now.position_ok:
-            health &= ~(_XY_CONTROL | _AHRS)
-        if now.battery_warning >= WARNING_CRITICAL:
-            health &= ~_BATTERY
-        if not (now.ready and now.position_ok and now.battery_warning == 0 and not now.link_lost):
-            health &= ~_PREARM
-        b = vehicle.battery
-        return mavlink.MAVLink_sys_status_message(
-            present,
-            present,
-            health,
-            200,
-            int(b.voltage_v * 1e3),
-            int(b.current_a * 1e2),
-            round(b.fraction * 100),
-            0,
-            0,
-            0,
-            0,
-            0,
-            0,
-        )
 
     def system_time(self) -> Message:
         """SYSTEM_TIME; UTC is unknown to the simulated receiver."""
@@ -262,24 +197,6 @@ class Telemetry:
         amsl = self._vehicle.config.home_alt_m + height
         return mavlink.MAVLink_altitude_message(self.time_us, amsl, amsl, height, height, math.nan, height)
 
-    def battery_status(self) -> Message:
-        """BATTERY_STATUS of the one battery."""
-        b = self._vehicle.battery
-        cells = [round(b.voltage_v / 4 * 1e3)] * 4 + [65535] * 6
-        return mavlink.MAVLink_battery_status_message(
-            0,
-            0,
-            1,
-            2500,
-            cells,
-            round(b.current_a * 1e2),
-            -1,
-            -1,
-            round(b.fraction * 100),
-            0,
-            _CHARGE_STATES[self._vehicle.situation.battery_warning],
-        )
-
     def autopilot_version(self) -> Message:
         """AUTOPILOT_VERSION: MAVLink 2, float and INT32 parameters, COMMAND_INT, local position setpoints; 1.17.0."""
         none = [0] * 8
@@ -294,15 +211,6 @@ class Telemetry:
         return mavlink.MAVLink_home_position_message(
             lat, lon, alt, 0.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0), math.nan, math.nan, math.nan, int(_HOME_SET_S * 1e6)
         )
-
-    def extended_sys_state(self) -> Message:
-        """EXTENDED_SYS_STATE: on the ground, in the air, taking off or landing."""
-        v = self._vehicle
-        if v.landed:
-            state = 1
-        else:
-            state = {Mode.TAKEOFF: 3, Mode.LAND: 4, Mode.DESCEND: 4}.get(v.modes.mode, 2)
-        return mavlink.MAVLink_extended_sys_state_message(0, state)
 
     def odometry(self) -> Message:
         """ODOMETRY of the estimate: position NED, velocity in the body frame, covariances unknown."""
@@ -321,12 +229,6 @@ class Telemetry:
             8,
             100,
         )
-
-    def current_mode(self) -> Message:
-        """CURRENT_MODE: the mode that flies and the one that was asked for."""
-        modes = self._vehicle.modes
-        standard = _STANDARD_MODES.get(modes.mode, 0)
-        return mavlink.MAVLink_current_mode_message(standard, modes.mode.custom_mode, modes.intended.custom_mode)
 
     @property
     def _origin(self) -> Vec3:

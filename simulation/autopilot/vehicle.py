@@ -88,7 +88,7 @@ class SimulatedVehicle:
         self._revision = -1
         self._noise_at_s = 0.0
         self.wind_m_s: Vec3 = self._wind.update()
-        self.estimator = Estimator(config, max(_NOISE_PERIOD_S, self.dt_s), float(self.parameters["EKF2_NOAID_TOUT"]))
+        self.estimator = Estimator(config, max(_NOISE_PERIOD_S, self.dt_s), 1e-6 * self.parameters["EKF2_NOAID_TOUT"])
         """Errors of the estimate, and the sensors' faults."""
         n, e, _ = self.truth.ned_p_m
         self.estimator.ned_origin_m = (n, e, 0.0)

@@ -46,6 +46,7 @@ SHELLS = (
     "simulation/autopilot/mavlink.py",
     "simulation/autopilot/commands.py",
     "simulation/autopilot/telemetry.py",
+    "simulation/autopilot/status.py",
     "simulation/autopilot/rates.py",  # MAVLink
 )
 CAPABILITIES = ("common/geometry/", "common/tracking/", "onboard/", "ground/", "simulation/")
