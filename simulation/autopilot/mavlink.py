@@ -23,6 +23,7 @@ log = logging.getLogger(__name__)
 
 _GROUND_STATION = 6  # MAV_TYPE_GCS
 _AXIS_ABSENT = 32767
+_TEXT_BYTES = 50
 _MISSION_UNSUPPORTED = 3
 
 
@@ -41,6 +42,7 @@ class Protocol:
     ):
         self._vehicle, self._telemetry = vehicle, telemetry
         self._links, self._shared = links, shared
+        self._texts = 0
         self._listing: dict[str, tuple[UdpLink, int]] = {}
         self.counters: Counter[str] = Counter()
         """Setpoints flown and refused by reason (`setpoints`, `setpoints_incomplete`, …), unknown parameters."""
@@ -88,7 +90,15 @@ class Protocol:
             log.info("%s", text)
             for link in self._shared:
                 if link.peer_is_ground_station:
-                    link.send(mavlink.MAVLink_statustext_message(severity, text.encode()[:50]))
+                    self._send_text(link, severity, text.encode())
+
+    def _send_text(self, link: UdpLink, severity: int, text: bytes) -> None:
+        """Send a notice, in numbered pieces when it is long."""
+        pieces = [text[i : i + _TEXT_BYTES] for i in range(0, len(text), _TEXT_BYTES)]
+        self._texts = self._texts % 65535 + 1 if len(pieces) > 1 else self._texts
+        for index, piece in enumerate(pieces):
+            whole = self._texts if len(pieces) > 1 else 0
+            link.send(mavlink.MAVLink_statustext_message(severity, piece, whole, index))
 
     @property
     def reboot_at_s(self) -> float:

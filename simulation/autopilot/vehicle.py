@@ -228,6 +228,7 @@ class SimulatedVehicle:
         asked = self._asked()
         if isinstance(asked, AttitudeSetpoint):
             self.setpoint, self.attitude_setpoint = MotionSetpoint(), asked
+            self._lift_at_s = None if self.landed else -math.inf  # a motion setpoint in the air may climb at once
             return self._idle() if self._spooling_up() else self.controller.steer(self.estimate, asked, self.dt_s)
         self.setpoint, self.attitude_setpoint = asked, None
         if self.landed and not self._wants_lift():

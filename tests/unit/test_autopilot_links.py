@@ -208,6 +208,16 @@ def test_heartbeats_are_forwarded_and_statustext_goes_to_ground_stations_only(ri
     assert rig.companion.got("STATUSTEXT") == []
 
 
+def test_a_long_notice_comes_in_numbered_pieces(rig: Rig) -> None:
+    rig.run(4.6)
+    rig.station.heartbeat()
+    rig.station.command(176, 1.0, 6.0)
+    rig.run(0.1)
+    pieces = rig.station.got("STATUSTEXT")
+    assert [m.chunk_seq for m in pieces] == [0, 1] and len({m.id for m in pieces}) == 1 and pieces[0].id > 0
+    assert "".join(m.text for m in pieces).endswith("not available: no offboard signal")
+
+
 def test_truth_port_follows_the_vehicle_at_a_hundred_hertz_with_a_clock_that_stands(rig: Rig) -> None:
     rig.truth.command(511, 115.0, 10_000.0)
     rig.take_off()

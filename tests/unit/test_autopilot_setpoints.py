@@ -141,6 +141,12 @@ def test_alternating_attitude_and_velocity_fly_a_mix(rig: Rig) -> None:
     assert 0.2 < ground_speeds[1] < 0.8 * ground_speeds[0]
 
 
+def test_a_motion_setpoint_after_an_attitude_climbs_at_once(rig: Rig) -> None:
+    enter(rig, lambda: rig.companion.attitude(NO_RATES, thrust=HOVER))
+    stream(rig, 0.6, lambda: rig.companion.setpoint(0x9C7, vz=-1.0))
+    assert rig.vehicle.truth.ned_v_m_s[2] == pytest.approx(-1.1, abs=0.25)
+
+
 def test_silence_after_an_attitude_stream_is_a_loss_like_any_other(rig: Rig) -> None:
     enter(rig, lambda: rig.companion.attitude(NO_RATES, thrust=HOVER))
     rig.run(0.9)
