@@ -15,11 +15,11 @@ NO_RATES, NO_ATTITUDE, NO_THRUST = 7, 128, 64
 
 
 def quiet_rig(**changes: object) -> Rig:
-    """A rig without noise, at 20 m."""
+    """A rig without noise, at 8 m."""
     names = ("position_noise_m", "velocity_noise_m_s", "climb_noise_m_s", "attitude_noise_rad")
-    rig = Rig(drag_n_s_m=1.0, parameters={"MIS_TAKEOFF_ALT": 20.0}, **dict.fromkeys(names, 0.0), **changes)
+    rig = Rig(drag_n_s_m=1.0, parameters={"MIS_TAKEOFF_ALT": 8.0}, **dict.fromkeys(names, 0.0), **changes)
     rig.take_off()
-    rig.run(12.0)
+    rig.run(2.0)
     return rig
 
 
@@ -129,7 +129,7 @@ def test_alternating_attitude_and_velocity_fly_a_mix(rig: Rig) -> None:
     for kinds in (("velocity",), ("velocity", "attitude")):
         for index in range(150):
             if kinds[index % len(kinds)] == "velocity":
-                rig.companion.setpoint(0x5E3, vx=2.0, z=-20.0)
+                rig.companion.setpoint(0x5E3, vx=2.0, z=-8.0)
             else:
                 rig.companion.attitude(NO_RATES, thrust=HOVER)
             if index == 5:
@@ -137,7 +137,7 @@ def test_alternating_attitude_and_velocity_fly_a_mix(rig: Rig) -> None:
             rig.run(0.02)
         ground_speeds.append(rig.vehicle.truth.ned_v_m_s[0])
         rig.companion.command(176, 1.0, 4.0, 3.0)
-        rig.run(5.0)
+        rig.run(3.0)
     assert 0.2 < ground_speeds[1] < 0.8 * ground_speeds[0]
 
 
