@@ -217,6 +217,8 @@ class Episode:
                 "distance": 1.0 - pursued.result.score if pursued is not None else math.nan,
                 "limit": 1.0 - pursued.result.score_limit if pursued is not None else math.nan,
                 "off_m": self._off_m(truth, pursued),
+                "track_size_px": math.sqrt(math.prod(pursued.result.size_px)) if pursued is not None else math.nan,
+                "reinitialisations": self._pursuer.reinitialisations,
                 "speed_m_s": math.hypot(*truth.ned_v_m_s[:2]),
                 "target_m_s": math.hypot(*truth.target_ned_v_m_s[:2]),
             }
