@@ -139,7 +139,7 @@ class Bus:
         self.config = config
         self.source = source
         self.boot = secrets.randbits(63)
-        self._session = open_client(config.router_of(side), wait_s, stop)
+        self._session = open_client(config, side, source, wait_s, stop)
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._sequence: Counter[str] = Counter()
         self._open: list[Any] = []

@@ -12,10 +12,11 @@ from collections.abc import Sequence
 from common import __version__, topics
 from common.bus import Bus
 from common.config import ConfigError, load_object
+from common.keys_options import add_keys
 from common.launch import run_process, run_side, set_up_logging
 from common.messages import Command
 from common.processes import PROCESSES, load_config, process, side_processes
-from common.session import BusConfig, RouterAbsent, Side
+from common.session import BusConfig, RouterAbsent, Side, check_keys
 from common.supervisor import EXIT_CONFIG
 
 _EPILOG = """\
@@ -157,6 +158,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     password.add_argument("file", metavar="FILE", help="the file that console.password_file names")
     _add_conformance(sub)
+    _add_config(add_keys(sub))
     sub.add_parser("bench", help="Run a benchmark", add_help=False)  # reads its arguments itself, -h among them
     return parser
 
@@ -269,7 +271,8 @@ def _run_side(args: argparse.Namespace) -> int:
         overrides.append(f"helm.autopilot_url={args.autopilot}")
     if getattr(args, "source", None):
         overrides.append(f"video.source={args.source}")
-    load_config(args.config, overrides)  # refuse a bad configuration here, once, before anything starts
+    # Refuse what is bad here, once, before anything starts.
+    check_keys(load_config(args.config, overrides).section(BusConfig), args.action)
     arguments = ["--config", args.config, *(part for text in overrides for part in ("--set", text))]
     without = [*args.without, "autopilot"] if external else args.without
     return run_side(args.action, arguments + (["--verbose"] if args.verbose else []), without)
@@ -361,6 +364,7 @@ _ACTIONS = {
     "demo": _run_demo,
     "console-password": _run_console_password,
     "conformance": _run_conformance,
+    "keys": lambda args: load_object("common.keys:run")(args),
     "bench": _run_bench,
 }
 

@@ -14,6 +14,7 @@ from common.session import BusConfig, open_router
 
 log = logging.getLogger(__name__)
 _PERIOD_S = 1.0
+_SAY_WHY_AFTER_S = (3.0, 30.0, 300.0)
 
 
 def run_onboard(config: Config, stop: threading.Event) -> int:
@@ -24,7 +25,8 @@ def run_onboard(config: Config, stop: threading.Event) -> int:
     """
     bus_config = config.section(BusConfig)
     router = open_router(bus_config, "onboard")
-    log.info("vehicle %s, listening on %s", bus_config.vehicle, bus_config.onboard_router)
+    outside = f" and {bus_config.tls.listen}" if bus_config.tls.folder else ""
+    log.info("vehicle %s, listening on %s%s", bus_config.vehicle, bus_config.onboard_router, outside)
     bus = Bus(bus_config, "onboard", "router-onboard", stop=stop)
     bus.announce()
     while not stop.wait(_PERIOD_S):
@@ -47,6 +49,7 @@ def run_ground(config: Config, stop: threading.Event) -> int:
     router = open_router(bus_config, "ground")
     log.info("listening on %s, link to the vehicle at %s", bus_config.ground_router, bus_config.link)
     linked = False
+    waiting_s = 0.0
     while not stop.wait(_PERIOD_S):
         now_linked = bool(router.info.routers_zid())
         if now_linked != linked:
@@ -55,7 +58,18 @@ def run_ground(config: Config, stop: threading.Event) -> int:
                 "link to the vehicle %s",
                 "is up" if now_linked else "is lost",
             )
-            linked = now_linked
+            linked, waiting_s = now_linked, 0.0
+        waiting_s += _PERIOD_S
+        if bus_config.tls.folder and not linked and waiting_s in _SAY_WHY_AFTER_S:
+            _say_why(bus_config)
         beat()
     router.close()
     return 0
+
+
+def _say_why(bus_config: BusConfig) -> None:
+    """Log why the vehicle's router cannot be reached; the library keeps trying without a word."""
+    from common.credentials import why_no_link
+
+    if why := why_no_link(bus_config.link, bus_config.tls.folder):
+        log.warning("no link to the vehicle at %s: %s", bus_config.link, why)

@@ -37,8 +37,17 @@ class Topic:
     """Whether the recorder keeps it."""
     crosses_link: bool = True
     """Whether it may leave the vehicle's side."""
+    written_by: tuple[str, ...] = ()
+    """Who may write it, where that is not the node that the name begins with (`writers`)."""
+    simulated: bool = False
+    """Whether it is the simulator's own knowledge: no secured link carries it."""
     doc: str = ""
     """One line for `outrider topics`."""
+
+    @property
+    def writers(self) -> tuple[str, ...]:
+        """Names of the nodes that may write it."""
+        return self.written_by or (self.name.split("/")[0],)
 
 
 _TOPICS = (
@@ -51,6 +60,8 @@ _TOPICS = (
         reliable=False,
         recorded=False,
         crosses_link=False,
+        written_by=("world",),
+        simulated=True,
         doc="the simulated camera's picture, before the camera node",
     ),
     Topic(
@@ -86,12 +97,45 @@ _TOPICS = (
     ),
     Topic("helm/status", m.HelmStatus, 5, 1500, priority="interactive_high", doc="who commands the vehicle, and why"),
     Topic("helm/setpoint", m.Setpoint, 20, 500, delivery="queue", doc="each setpoint that went to the autopilot"),
-    Topic("helm/request/operator", m.Request, 20, 300, priority="real_time", doc="motion asked by the operator"),
-    Topic("helm/request/pursuit", m.Request, 20, 300, priority="real_time", doc="motion asked by the chase"),
-    Topic("obstacles/near", m.Obstacles, 10, 500, priority="interactive_high", doc="obstacles for the limiter"),
+    Topic(
+        "helm/request/operator",
+        m.Request,
+        20,
+        300,
+        priority="real_time",
+        written_by=("console", "stick", "cli"),
+        doc="motion asked by the operator",
+    ),
+    Topic(
+        "helm/request/pursuit",
+        m.Request,
+        20,
+        300,
+        priority="real_time",
+        written_by=("pursuit",),
+        doc="motion asked by the chase",
+    ),
+    Topic(
+        "obstacles/near",
+        m.Obstacles,
+        10,
+        500,
+        priority="interactive_high",
+        written_by=("sensor",),
+        doc="obstacles for the limiter",
+    ),
     Topic("pursuit/track", m.Track, 20, 500, priority="interactive_high", doc="the chased target in the picture"),
-    Topic("session", m.Session, 1, 5000, doc="vehicle clock against UTC"),
-    Topic("truth", m.Truth, 20, 500, delivery="queue", doc="the simulator's ground truth; no algorithm reads it"),
+    Topic("session", m.Session, 1, 5000, written_by=("router-onboard",), doc="vehicle clock against UTC"),
+    Topic(
+        "truth",
+        m.Truth,
+        20,
+        500,
+        delivery="queue",
+        written_by=("world",),
+        simulated=True,
+        doc="the simulator's ground truth; no algorithm reads it",
+    ),
 )
 
 _HEALTH_DOC = "what each node says of itself"
