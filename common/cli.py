@@ -150,6 +150,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_topics(sub)
     _add_preflight(sub)
     _add_doctor(sub)
+    _add_track(sub)
     _add_demo(sub)
     password = sub.add_parser(
         "console-password",
@@ -224,6 +225,27 @@ def _seconds(text: str) -> float:
         if 0.0 <= (value := float(text)) < math.inf:
             return value
     raise argparse.ArgumentTypeError(f"got {text!r}, expected seconds, 0 or more")
+
+
+def _add_track(sub: argparse._SubParsersAction) -> None:
+    track = sub.add_parser(
+        "track",
+        help="Run a tracker alone over a video or a folder of images",
+        description="Track one target through a video file or a folder of images (in natural order) and write where "
+        "it is as CSV: frame (from 0), x, y, w, h (upright box of the target, px; empty when lost), angle_deg, score "
+        "(0 to 1), state (tracking, lost, reacquired).",
+    )
+    track.add_argument("source", metavar="SOURCE", help="video file or image folder")
+    track.add_argument("--tracker", metavar="NAME", default="pursuit", help="which tracker (default: pursuit)")
+    begin = track.add_mutually_exclusive_group(required=True)
+    begin.add_argument("--init", metavar="X,Y,W,H", help="the target's box in the first picture, px")
+    begin.add_argument("--model", metavar="IMAGE", help="a picture of the target, which it fills; it is searched for")
+    track.add_argument("--init-frame", type=int, default=0, metavar="N", help="picture that the box is in, from 0")
+    track.add_argument("--out", metavar="FILE.csv", help="where to write the CSV (default: standard output)")
+    track.add_argument("--video", metavar="FILE.mp4", help="write the pictures with the target drawn on them")
+    track.add_argument("--rate", type=float, metavar="HZ", help="pictures a second (default: the video's, or 25)")
+    track.add_argument("--seed", type=int, default=1, help="seed of the tracker's randomness")
+    _add_config(track)
 
 
 def _add_demo(sub: argparse._SubParsersAction) -> None:
@@ -335,6 +357,21 @@ def _run_doctor(args: argparse.Namespace) -> int:
         logging.disable(logging.NOTSET)
 
 
+def _run_track(args: argparse.Namespace) -> int:
+    from common import track_tool
+
+    job = track_tool.TrackJob(
+        source=args.source,
+        tracker=args.tracker,
+        init=None if args.init is None else track_tool.parse_box(args.init),
+        init_frame=args.init_frame,
+        model=args.model,
+        rate_hz=args.rate,
+        seed=args.seed,
+    )
+    return track_tool.run(job, load_config(args.config, args.overrides), args.out, args.video)
+
+
 def _run_demo(args: argparse.Namespace) -> int:
     _pose_overrides(args.autopilot is not None, args.pose, args.pose_port)  # refuses what does not belong together
     return load_object("simulation.demo.run:main")(args)
@@ -361,6 +398,7 @@ _ACTIONS = {
     "topics": _run_topics,
     "preflight": _run_preflight,
     "doctor": _run_doctor,
+    "track": _run_track,
     "demo": _run_demo,
     "console-password": _run_console_password,
     "conformance": _run_conformance,

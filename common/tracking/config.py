@@ -74,7 +74,7 @@ class ParticleFilterConfig(Section, frozen=True, kw_only=True):
     """Factor on the random walks while the target is not seen: the cloud has to reach it, not to fill the picture."""
     predicted_rates: NonNegative = 0.6
     """Factor on the spread of the particles' own rates while the target is not seen."""
-    reinitialise_after: Annotated[int, msgspec.Meta(ge=0)] = 16
+    reinitialise_after: Annotated[int, msgspec.Meta(ge=0)] = 8
     """Pictures without the target after which the whole picture is searched for it; 0 leaves that to the operator."""
     reinitialise_every: Annotated[int, msgspec.Meta(ge=1)] = 3
     """The search is repeated every so many pictures."""

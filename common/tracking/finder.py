@@ -44,6 +44,8 @@ _KERNEL_PIXELS = 700.0
 """Pixels of a kernel that are read: half of what tracking reads."""
 _AWAY_COST = 0.06
 """Distance (eq. 4) by which a place far from the expected one must look better than one that is there."""
+_TURNED_COST = 0.06
+"""The same for the opposite heading: what is alike from both ends has not turned round."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,8 @@ class Nearby:
     """Centre (column, row), px."""
     reach_px: float
     """How far from there it may have come, px."""
+    angle_rad: float
+    """Rotation, rad."""
 
 
 @dataclass(frozen=True)
@@ -170,7 +174,8 @@ class _Judge:
         if self._nearby is None:
             return 0.0
         away_px = math.dist(state[:PSI], self._nearby.center_px)
-        return _AWAY_COST * min(1.0, away_px / self._nearby.reach_px)
+        turned = (1.0 - math.cos(state[PSI] - self._nearby.angle_rad)) / 2
+        return _AWAY_COST * min(1.0, away_px / self._nearby.reach_px) + _TURNED_COST * turned
 
 
 def _centers(likely: np.ndarray, side_px: float) -> list[np.ndarray]:

@@ -25,6 +25,11 @@ from common.tracking.particles import expected_state, likelihood_weights, system
 _REACH_1_S = 3.0
 """How far the target may have come from where it is expected, target sizes for each second out of sight."""
 
+_FOUND_FACTOR = 1.1
+"""Largest distance of what a search finds, over that of a healthy picture."""
+_PROBATION = 12
+"""Pictures in which what a search found must be seen before it is trusted."""
+
 
 class ParticleFilterTracker:
     """Tracks a rotated rectangle of fixed aspect ratio by its colours. See `common.tracking.base.Tracker`.
@@ -67,7 +72,7 @@ class ParticleFilterTracker:
         """Search the whole picture, and start on what looks most like the target if that looks enough like it."""
         check_frame(frame, None if self._result is None else self._frame.shape)
         first = self._result is None
-        limit = self._config.found_limit if first else self._limit
+        limit = self._config.found_limit if first else self._found_limit
         tried = [self._search(frame, gain, None) for gain in (self._light.gain, *self._light.jumps(frame))]
         best = min((f for f in tried if f is not None), key=lambda f: f.distance, default=None)
         if best is None or best.distance > limit:
@@ -150,7 +155,7 @@ class ParticleFilterTracker:
         if self._model is not None:
             self._stride = self._model.kernels.stride(state, config.kernel_pixels)
         self._expected: Expectation | None = None
-        self._unseen_s, self._unseen_frames = 0.0, 0
+        self._unseen_s, self._unseen_frames, self._seen_frames = 0.0, 0, 0
         self._frame, self._t_ns = frame, t_ns
 
     def _start_on(self, found: Found, frame: np.ndarray, t_ns: int) -> None:
@@ -174,9 +179,10 @@ class ParticleFilterTracker:
             return
         gains = (self._light.gain, *self._light.jumps(frame))
         turn = (self._unseen_frames - self._config.reinitialise_after) // self._config.reinitialise_every
-        nearby = Nearby(expected.center_px, self._usual_size_px * (1.0 + _REACH_1_S * self._unseen_s))
+        reach_px = self._usual_size_px * (1.0 + _REACH_1_S * self._unseen_s)
+        nearby = Nearby(expected.center_px, reach_px, expected.angle_rad)
         found = self._search(frame, gains[turn % len(gains)], nearby)
-        if found is not None and found.cost <= self._limit:
+        if found is not None and found.cost <= self._found_limit:
             self._start_on(found, frame, t_ns)
 
     def _search(self, frame: np.ndarray, gain: np.ndarray, nearby: Nearby | None) -> Found | None:
@@ -203,6 +209,11 @@ class ParticleFilterTracker:
         """d_lim = 1.3 d_min (section II-D), within its bounds."""
         limit = self._config.limit_factor * self._healthy_distance
         return min(max(limit, self._config.limit_floor), self._config.limit_ceiling)
+
+    @property
+    def _found_limit(self) -> float:
+        """Largest distance of a place that a search may start on: the best of so many has to look as it used to."""
+        return min(self._limit, max(self._config.limit_floor, _FOUND_FACTOR * self._healthy_distance))
 
     def _new_motion(self, state: np.ndarray) -> ConstantVelocity:
         config = self._config
@@ -263,6 +274,7 @@ class ParticleFilterTracker:
         confidence = min(1.0, max(0.05, 1.0 - (smallest - self._healthy_distance) / margin))
         self._motion.correct(mean, confidence)
         self._unseen_s, self._unseen_frames = 0.0, 0
+        self._seen_frames += 1
         self._healthy_distance += (1 - math.exp(-dt_s / config.limit_memory_s)) * (smallest - self._healthy_distance)
         if self._model is not None:
             self._stride = self._model.kernels.stride(mean, config.kernel_pixels)
@@ -282,6 +294,9 @@ class ParticleFilterTracker:
             self._rates = self._motion.rate + self._rng.normal(size=(count, 4)) * spread
         self._unseen_s += dt_s
         self._unseen_frames += 1
+        if self.reinitialisations and self._seen_frames < _PROBATION:
+            # It was found, and soon not seen any more: that was hardly the target, so the search goes on at once.
+            self._unseen_frames = max(self._unseen_frames, self._config.reinitialise_after)
         return expected_state(self._states, np.full(count, 1 / count))
 
     def _report(self, mean: np.ndarray, angle_std_rad: float, smallest: float) -> TrackResult:

@@ -14,8 +14,8 @@ from common.geometry.camera import Camera
 from common.geometry.config import CamerasConfig
 from common.messages import Image
 from common.node import Every, Inputs, Node, On, Output
+from common.video import FileSource
 from onboard.camera.config import VideoConfig
-from onboard.camera.source import FileSource
 
 log = logging.getLogger(__name__)
 _INFO_PERIOD_NS = 1_000_000_000

@@ -11,8 +11,8 @@ import pytest
 from common.config import Config, ConfigError
 from common.messages import CameraInfo, Image
 from common.node import Every, ScriptedRun
+from common.video import FileSource
 from onboard.camera.node import CameraNode
-from onboard.camera.source import FileSource
 
 SECTIONS = {"camera": "common.geometry.config:CamerasConfig", "video": "onboard.camera.config:VideoConfig"}
 MS = 1_000_000

@@ -93,7 +93,7 @@ def test_the_same_colours_otherwise_arranged_do_not_pass() -> None:
 def test_of_two_that_look_alike_the_one_near_the_expected_place_is_taken(model: HistogramModel) -> None:
     frame = _frame(Pose(150.0, 120.0), (Pose(480.0, 350.0),))
     for place in ((170.0, 130.0), (450.0, 330.0)):
-        found = _search(frame, model, size_px=SIZE_PX, nearby=Nearby(place, 100.0))
+        found = _search(frame, model, size_px=SIZE_PX, nearby=Nearby(place, 100.0, 0.0))
         assert math.dist(found.state[:2], place) < 60
         assert found.cost >= found.distance
 
