@@ -9,7 +9,7 @@ import math
 import sys
 from collections.abc import Sequence
 
-from common import __version__, topics
+from common import __version__, topics, track_command
 from common.bus import Bus
 from common.config import ConfigError, load_object
 from common.keys_options import add_keys
@@ -132,7 +132,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="URL",
         help="udpin://HOST:PORT (udpout, tcpin, tcpout) or serial:///dev/NAME:BAUD; default udpin://127.0.0.1:14540",
     )
-    onboard.add_argument("--source", metavar="PATH", help="video file or image folder instead of the simulated camera")
+    onboard.add_argument("--source", metavar="SOURCE", help="/dev/video0, rtsp://…, a video file or an image folder")
     _add_side(sub, "ground", "Start the ground station's side")
 
     node = sub.add_parser(
@@ -144,13 +144,13 @@ def _parser() -> argparse.ArgumentParser:
     )
     node.add_argument("name", metavar="NAME", help="process name, see below")
     _add_config(node)
-    node.add_argument("--source", metavar="PATH", help="camera: video file or image folder")
+    node.add_argument("--source", metavar="PATH", help="camera: as for `onboard`")
 
     _add_do(sub)
     _add_topics(sub)
     _add_preflight(sub)
     _add_doctor(sub)
-    _add_track(sub)
+    _add_config(track_command.add(sub))
     _add_demo(sub)
     password = sub.add_parser(
         "console-password",
@@ -225,27 +225,6 @@ def _seconds(text: str) -> float:
         if 0.0 <= (value := float(text)) < math.inf:
             return value
     raise argparse.ArgumentTypeError(f"got {text!r}, expected seconds, 0 or more")
-
-
-def _add_track(sub: argparse._SubParsersAction) -> None:
-    track = sub.add_parser(
-        "track",
-        help="Run a tracker alone over a video or a folder of images",
-        description="Track one target through a video file or a folder of images (in natural order) and write where "
-        "it is as CSV: frame (from 0), x, y, w, h (upright box of the target, px; empty when lost), angle_deg, score "
-        "(0 to 1), state (tracking, lost, reacquired).",
-    )
-    track.add_argument("source", metavar="SOURCE", help="video file or image folder")
-    track.add_argument("--tracker", metavar="NAME", default="pursuit", help="which tracker (default: pursuit)")
-    begin = track.add_mutually_exclusive_group(required=True)
-    begin.add_argument("--init", metavar="X,Y,W,H", help="the target's box in the first picture, px")
-    begin.add_argument("--model", metavar="IMAGE", help="a picture of the target, which it fills; it is searched for")
-    track.add_argument("--init-frame", type=int, default=0, metavar="N", help="picture that the box is in, from 0")
-    track.add_argument("--out", metavar="FILE.csv", help="where to write the CSV (default: standard output)")
-    track.add_argument("--video", metavar="FILE.mp4", help="write the pictures with the target drawn on them")
-    track.add_argument("--rate", type=float, metavar="HZ", help="pictures a second (default: the video's, or 25)")
-    track.add_argument("--seed", type=int, default=1, help="seed of the tracker's randomness")
-    _add_config(track)
 
 
 def _add_demo(sub: argparse._SubParsersAction) -> None:
@@ -357,21 +336,6 @@ def _run_doctor(args: argparse.Namespace) -> int:
         logging.disable(logging.NOTSET)
 
 
-def _run_track(args: argparse.Namespace) -> int:
-    from common import track_tool
-
-    job = track_tool.TrackJob(
-        source=args.source,
-        tracker=args.tracker,
-        init=None if args.init is None else track_tool.parse_box(args.init),
-        init_frame=args.init_frame,
-        model=args.model,
-        rate_hz=args.rate,
-        seed=args.seed,
-    )
-    return track_tool.run(job, load_config(args.config, args.overrides), args.out, args.video)
-
-
 def _run_demo(args: argparse.Namespace) -> int:
     _pose_overrides(args.autopilot is not None, args.pose, args.pose_port)  # refuses what does not belong together
     return load_object("simulation.demo.run:main")(args)
@@ -398,7 +362,7 @@ _ACTIONS = {
     "topics": _run_topics,
     "preflight": _run_preflight,
     "doctor": _run_doctor,
-    "track": _run_track,
+    "track": lambda args: track_command.run(args, load_config(args.config, args.overrides)),
     "demo": _run_demo,
     "console-password": _run_console_password,
     "conformance": _run_conformance,

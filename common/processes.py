@@ -41,7 +41,7 @@ PROCESSES: dict[str, ProcessSpec] = {
             "camera",
             "onboard",
             "onboard.camera.node:CameraNode",
-            "pictures: the simulated camera, a video file or an image folder",
+            "pictures: the simulated camera, a V4L2 device, an RTSP stream, a video file or an image folder",
             "onboard",
         ),
         ProcessSpec(

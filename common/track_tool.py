@@ -167,21 +167,17 @@ class _Run:
 
 
 def draw(frame: np.ndarray, row: Row) -> np.ndarray:
-    """The picture with the target's rectangle on it, orange where it is only predicted; a copy."""
+    """The picture with the target's rectangle and front on it, orange where it is only predicted; a copy."""
     shown = frame.copy()
     if row.result is not None:
         corners = row.result.corners_px().round().astype(np.int32)
         cv2.polylines(shown, [corners], True, _COLOURS[row.state], 2, cv2.LINE_AA)
-        cv2.line(shown, *(tuple(map(int, p)) for p in _front(corners)), (255, 255, 255), 1, cv2.LINE_AA)
+        middle, front = corners.mean(axis=0), corners[:2].mean(axis=0)
+        cv2.line(shown, middle.astype(int).tolist(), front.astype(int).tolist(), (255, 255, 255), 1, cv2.LINE_AA)
     text = f"{row.frame} {row.state}"
     for colour, width in (((0, 0, 0), 3), (_COLOURS[row.state], 1)):
         cv2.putText(shown, text, (6, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.45, colour, width, cv2.LINE_AA)
     return shown
-
-
-def _front(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """From the rectangle's middle to the middle of its upper side."""
-    return corners.mean(axis=0), corners[:2].mean(axis=0)
 
 
 def run(job: TrackJob, config: Config, out: str | None, video: str | None) -> int:

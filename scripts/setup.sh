@@ -3,7 +3,7 @@
 #
 #   scripts/setup.sh run    what `make demo` and `make bench` need
 #   scripts/setup.sh dev    and what `make lint` and `make fast` need (systemd's checker, openssl)
-#   scripts/setup.sh test   and what `make test` needs (Chromium, a sample video, iproute2)
+#   scripts/setup.sh test   and what `make test` needs (Chromium, a sample video, iproute2, an RTSP server)
 #
 # System packages come through apt-get, as root or with sudo. Where neither is possible it prints the one command that
 # somebody with the right must run, and exits 1. PYTHON names another interpreter (3.11 or newer); PIP_* variables and
@@ -56,6 +56,12 @@ find_chromium() {
   return 1
 }
 
+# The tests' RTSP server runs in the system's Python, where the distribution puts GStreamer's bindings.
+has_rtsp_server() {
+  /usr/bin/python3 -c 'import gi; gi.require_version("GstRtspServer", "1.0"); from gi.repository import Gst; Gst.init(None)
+assert Gst.ElementFactory.find("rtpjpegpay") and Gst.ElementFactory.find("videotestsrc")' >/dev/null 2>&1
+}
+
 apt_knows() { apt-cache policy "$1" 2>/dev/null | grep 'Candidate:' | grep -qv '(none)'; }
 
 # ---------------------------------------------------------------- system packages
@@ -80,6 +86,7 @@ missing_packages() {
   if [ "$LEVEL" = test ]; then
     find_chromium >/dev/null || if apt_knows chromium; then echo chromium; else echo chromium-browser; fi
     command -v ip >/dev/null || [ -x /sbin/ip ] || echo iproute2
+    has_rtsp_server || echo python3-gi gir1.2-gst-rtsp-server-1.0 gstreamer1.0-plugins-base gstreamer1.0-plugins-good
   fi
 }
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 
@@ -19,7 +21,7 @@ def read_model(path: str, option: str) -> np.ndarray:
     Raises:
         ConfigError: no such file, no picture, or one that is too small or without texture.
     """
-    picture = cv2.imread(path, cv2.IMREAD_COLOR)
+    picture = cv2.imread(path, cv2.IMREAD_COLOR) if Path(path).is_file() else None
     if picture is None:
         raise ConfigError(f"{option}: got {path!r}, expected an image file that OpenCV reads")
     picture = np.asarray(picture)

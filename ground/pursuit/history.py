@@ -29,8 +29,10 @@ class StateHistory:
         self._states: deque[Received[VehicleState]] = deque()
 
     def extend(self, states: Iterable[Received[VehicleState]]) -> None:
-        """Take newer states; one that is not newer than the last is ignored."""
+        """Take newer states; one that is not newer than the last, or whose numbers are not finite, is ignored."""
         for state in states:
+            if not np.isfinite((*state.message.ned_p_m, *state.message.ned_v_m_s, *state.message.ned_q_body)).all():
+                continue
             if not self._states or state.header.capture_ns > self._states[-1].header.capture_ns:
                 self._states.append(state)
         while self._states and self._states[-1].header.capture_ns - self._states[0].header.capture_ns > self._span_ns:

@@ -13,7 +13,10 @@ class VideoConfig(Section, frozen=True, kw_only=True):
     """Where the pictures come from, and what the ground gets of them."""
 
     source: str = "sim"
-    """`sim` for the simulated camera, or the path of a video file or of a folder of images (sorted by name)."""
+    """`sim` for the simulated camera; `/dev/video0` or `v4l2:0` for a V4L2 device; `rtsp://…` for a stream; or the path
+    of a video file or of a folder of images (in natural order)."""
+    latency_ms: Annotated[float, msgspec.Meta(ge=0, le=2000)] = 0.0
+    """Time from a live camera's exposure to the arrival of its decoded picture, ms: stamps are moved back by it."""
     loop: bool = True
     """Begin again when a file or folder ends; otherwise the node goes on without pictures and says so."""
     jpeg_quality: Annotated[int, msgspec.Meta(ge=10, le=100)] = 80

@@ -1,4 +1,4 @@
-"""The camera node: pictures from the simulated camera or a file go out raw on board and as JPEG to the ground."""
+"""The camera node: pictures from a camera, simulated or real, or a file go out raw on board, as JPEG to the ground."""
 
 from __future__ import annotations
 
@@ -16,10 +16,13 @@ from common.messages import Image
 from common.node import Every, Inputs, Node, On, Output
 from common.video import FileSource
 from onboard.camera.config import VideoConfig
+from onboard.camera.source import LiveSource, is_live, without_password
 
 log = logging.getLogger(__name__)
 _INFO_PERIOD_NS = 1_000_000_000
 _SIMULATED = "sim/camera/down"
+_POLL_S = 0.004
+"""How often a live camera is asked for a new picture; its stamp is taken when it arrives."""
 
 
 class CameraNode(Node):
@@ -31,11 +34,17 @@ class CameraNode(Node):
         super().__init__(config, name)
         cv2.setNumThreads(1)
         self._video = config.section(VideoConfig)
-        self._camera = config.section(CamerasConfig).down.camera()
+        self._calibrated = self._camera = config.section(CamerasConfig).down.camera()
         self._file: FileSource | None = None
+        self._live: LiveSource | None = None
         if self._video.source == "sim":
             self.inputs = (_SIMULATED,)
             self.trigger = On((_SIMULATED,))
+        elif is_live(self._video.source):
+            camera = self._camera
+            self._live = LiveSource(self._video.source, camera.width, camera.height, camera.rate_hz)
+            self.trigger = Every(_POLL_S)
+            log.info("pictures from %s", without_password(self._video.source))
         else:
             self._file = FileSource(self._video.source, self._video.loop)
             self._camera = _scaled(self._camera, self._file.width, self._file.height)
@@ -53,7 +62,10 @@ class CameraNode(Node):
 
     def step(self, inputs: Inputs, t_ns: int) -> Iterator[Output]:
         """One picture: raw when somebody on board reads it, JPEG within the configured rate, calibration at 1 Hz."""
-        taken = self._simulated(inputs) if self._file is None else self._from_file(t_ns)
+        if self._live is not None:
+            taken = self._from_camera(self._live)
+        else:
+            taken = self._simulated(inputs) if self._file is None else self._from_file(t_ns)
         if taken is None:
             return
         image, capture_ns = taken
@@ -67,13 +79,21 @@ class CameraNode(Node):
             yield Output("camera/down/info", self._camera.info("down"), capture_ns)
 
     def metrics(self) -> dict[str, float]:
-        """Frames so far, and pictures of a folder that could not be decoded."""
-        return {"frames": self._frames, "corrupt": self._file.corrupt if self._file else 0}
+        """Frames so far, pictures of a folder that could not be decoded, and a live camera's losses."""
+        live = self._live
+        return {
+            "frames": self._frames,
+            "corrupt": self._file.corrupt if self._file else 0,
+            "skipped": live.skipped if live else 0,
+            "reconnects": live.reconnects if live else 0,
+        }
 
     def close(self) -> None:
-        """Release the file."""
+        """Release the file or the camera."""
         if self._file is not None:
             self._file.close()
+        if self._live is not None:
+            self._live.close()
 
     def _simulated(self, inputs: Inputs) -> tuple[Image, int] | None:
         received = inputs.latest(_SIMULATED, Image)
@@ -82,6 +102,17 @@ class CameraNode(Node):
         delay_ns = int(self._camera.exposure_delay_ms * 1e6)
         return received.message, received.header.capture_ns - delay_ns
 
+    def _from_camera(self, live: LiveSource) -> tuple[Image, int] | None:
+        taken = live.take()
+        if taken is None:
+            return None
+        height, width = taken.frame.shape[:2]
+        if (width, height) != (self._camera.width, self._camera.height):
+            self._camera = _scaled(self._calibrated, width, height)
+            self._next_info_ns = 0
+        delay_ns = int((self._video.latency_ms + self._camera.exposure_delay_ms) * 1e6)
+        return _image(taken.frame), taken.arrived_ns - delay_ns
+
     def _from_file(self, t_ns: int) -> tuple[Image, int] | None:
         frame = self._file.next() if self._file is not None else None
         if frame is None:
@@ -89,8 +120,7 @@ class CameraNode(Node):
                 log.info("%s has ended", self._video.source)
                 self._ended = True
             return None
-        height, width = frame.shape[:2]
-        return Image(camera="down", width=width, height=height, encoding="bgr8", data=frame.tobytes()), t_ns
+        return _image(frame), t_ns
 
     def _jpeg_is_due(self, capture_ns: int) -> bool:
         """Whether the rate limit lets this picture go to the ground."""
@@ -108,6 +138,11 @@ class CameraNode(Node):
         if not ok:
             raise RuntimeError(f"JPEG encoding failed for a {image.width}x{image.height} picture")
         return Image(camera=image.camera, width=image.width, height=image.height, encoding="jpeg", data=jpeg.tobytes())
+
+
+def _image(frame: np.ndarray) -> Image:
+    height, width = frame.shape[:2]
+    return Image(camera="down", width=width, height=height, encoding="bgr8", data=frame.tobytes())
 
 
 def _scaled(camera: Camera, width: int, height: int) -> Camera:

@@ -10,8 +10,9 @@ from common.config import Config, ConfigError
 from common.doctor.finding import Finding, fault, from_error, ok, warning
 from common.doctor.routers import hear, visit
 from common.geometry.config import CameraConfig, CamerasConfig
+from common.video import FileSource
 from onboard.camera.config import VideoConfig
-from onboard.camera.source import FileSource
+from onboard.camera.source import check_live, is_live, without_password
 
 _LISTEN_S = 2.0
 _OLD_MS = 500.0
@@ -67,8 +68,12 @@ def plausible(calibration: CameraConfig) -> Finding:
 
 
 def source(path: str, calibration: CameraConfig) -> Iterator[Finding]:
-    """Whether a video file or image folder opens, and fits the calibration."""
+    """Whether a camera is there, or a video file or image folder opens and fits the calibration."""
     try:
+        if is_live(path):
+            check_live(path)
+            yield ok("video source", f"{without_password(path)}: the camera node opens it, and waits for a stream")
+            return
         file = FileSource(path, loop=False)
     except ConfigError as error:
         yield from_error("video source", error)

@@ -33,7 +33,7 @@ SHELLS = (
     "process.py",
     "simulation/conformance/",  # speaks MAVLink to an autopilot
     "onboard/helm/autopilot_link.py",  # MAVSDK
-    "onboard/camera/source.py",  # cameras and files
+    "onboard/camera/source.py",  # cameras
     "ground/recorder/intake.py",  # the queue between threads
     "ground/console/",  # all of it is the operator's page
     "onboard/doctor/",  # looks at devices, ports and the bus

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from common.geometry.rotation import as_quat, euler_from_quat, quat_from_euler
 from common.header import Header, Received
@@ -65,3 +67,14 @@ def test_a_state_that_is_not_newer_is_ignored(history: StateHistory) -> None:
     pose, _ = history.pose(500 * MS)
     assert pose is not None
     assert np.isclose(pose.ned_p_m[0], 1.0)
+
+
+def test_state_that_is_no_number_is_ignored(history: StateHistory) -> None:
+    """As if none had come: the pose is carried on for 0.3 s, then there is none, and why."""
+    for t_ms in range(520, 900, 20):
+        good = _state(t_ms)
+        history.extend([replace(good, message=structs.replace(good.message, ned_q_body=(math.nan, 0.0, 0.0, 0.0)))])
+    assert np.isfinite(history.pose(620 * MS)[0].ned_q_body).all()  # type: ignore[union-attr]
+    pose, why_not = history.pose(880 * MS)
+    assert pose is None
+    assert why_not == "no vehicle state for 0.4 s before the picture"

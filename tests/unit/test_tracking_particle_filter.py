@@ -99,6 +99,36 @@ def test_look_alike_beside_the_path_does_not_take_over() -> None:
     assert np.max(_errors_px(results[10:])) < 20.0
 
 
+def test_lost_pictures_do_not_lose_the_target() -> None:
+    """Every third picture is missing, and half a second on end: the stamps tell how long it was."""
+    tracker = ParticleFilterTracker(ParticleFilterConfig(), np.random.default_rng(1))
+    results = []
+    for index, (t_ns, frame, pose) in enumerate(Scene(straight(120.0), seed=4).frames(3.5)):
+        if index == 0:
+            tracker.init(frame, pose.box(), pose.angle_rad, t_ns)
+        elif index % 3 and not 40 < index < 51:
+            results.append((t_ns / 1e9, tracker.update(frame, t_ns), pose))
+    assert np.median(_errors_px(results)) < 8.0
+    assert results[-1][1].state == "tracking"
+    assert tracker.reinitialisations == 0
+
+
+def test_target_that_turns_behind_a_cover_is_found_again() -> None:
+    """Hidden for two seconds, it comes out on the side that it went in at."""
+
+    def path(t_s: float) -> Pose:
+        x = 80.0 + 150.0 * t_s
+        return Pose(x if t_s < 2.2 else 410.0 - 150.0 * (t_s - 2.2), 240.0, 0.0 if t_s < 2.2 else math.pi)
+
+    def roof(frame: np.ndarray, t_s: float) -> None:
+        frame[:, 280:560] = (90, 90, 90)
+
+    results = _run(Scene(path, seed=5, decorate=roof), 4.4)
+    assert any(r.state != "tracking" for t, r, _ in results if 2.0 < t < 2.8)
+    assert results[-1][1].state == "tracking"
+    assert _errors_px(results[-3:]).max() < 20.0
+
+
 def test_target_that_returns_elsewhere_is_found_again() -> None:
     """It drives out at the right, and comes back two seconds later at the top, turned and with a look-alike about."""
 
