@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from common.config import ConfigError, unknown_key_text
-from simulation.conformance.checks import attitude, ending, ground, motion, stream
+from simulation.conformance.checks import attitude, ending, ground, motion, sticks, stream
 from simulation.conformance.judge import Judge
 from simulation.conformance.vehicle import Vehicle
 
@@ -72,6 +72,9 @@ CHECKS: dict[str, Check] = {
         Check("mode-latency", stream.mode_latency, "air", quick=False),
         Check("attitude", attitude.attitude, "air", quick=False),
         Check("thrust", attitude.thrust, "air", quick=False),
+        Check("fence", sticks.fence, "air", quick=False),
+        Check("altitude-sticks", sticks.altitude_sticks, "air", quick=False),
+        Check("position-sticks", sticks.position_sticks, "air", quick=False),
         Check("land", ending.land, "landing"),
         Check("reboot", ending.reboot, quick=False, commands=True),
     )

@@ -161,6 +161,9 @@ IN_THE_AIR = [
     Deviation("mode-latency", "mode seen", down=lambda m: None if m.get_type() in ("HEARTBEAT", "CURRENT_MODE") else m),
     Deviation("attitude", "roll in OFFBOARD", up=put("SET_ATTITUDE_TARGET", q=(1.0, 0.0, 0.0, 0.0))),
     Deviation("thrust", "sink", up=put("SET_ATTITUDE_TARGET", thrust=0.495)),
+    Deviation("fence", "mode", up=put("PARAM_SET", is_param("GF_MAX_HOR_DIST"), param_value=0.0)),
+    Deviation("position-sticks", "speed ahead", up=put("MANUAL_CONTROL", x=0)),
+    Deviation("altitude-sticks", "pitch", up=put("MANUAL_CONTROL", x=0)),
     Deviation("land", "motors stop", down=put("PARAM_VALUE", is_param("COM_DISARM_LAND"), param_value=9.0)),
 ]
 
