@@ -217,6 +217,7 @@ class Episode:
                 "distance": 1.0 - pursued.result.score if pursued is not None else math.nan,
                 "limit": 1.0 - pursued.result.score_limit if pursued is not None else math.nan,
                 "off_m": self._off_m(truth, pursued),
+                "track_heading_error_rad": _heading_error_rad(truth, pursued),
                 "track_size_px": math.sqrt(math.prod(pursued.result.size_px)) if pursued is not None else math.nan,
                 "reinitialisations": self._pursuer.reinitialisations,
                 "speed_m_s": math.hypot(*truth.ned_v_m_s[:2]),
@@ -275,3 +276,10 @@ class Episode:
             armed=True,
             in_air=True,
         )
+
+
+def _heading_error_rad(truth: Truth, pursued: Pursued | None) -> float:
+    """Heading that the tracker has for the car, less the car's, rad."""
+    if pursued is None or pursued.view is None:
+        return math.nan
+    return wrap_angle(pursued.view.heading_rad - truth.target_heading_rad)

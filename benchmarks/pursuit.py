@@ -103,8 +103,8 @@ def _still_height_m(_t_s: float) -> float:
 
 
 def _height_m(t_s: float) -> float:
-    """Height of the chase, m: from 4 down to 2 and back."""
-    return _CHASE_HEIGHT_M + _HEIGHT_SWING_M * math.cos(2.0 * math.pi * t_s / _HEIGHT_PERIOD_S)
+    """Height of the chase, m: from 3 up to 4, down to 2, and so on."""
+    return _CHASE_HEIGHT_M + _HEIGHT_SWING_M * math.sin(2.0 * math.pi * t_s / _HEIGHT_PERIOD_S)
 
 
 def flights(settings: Settings) -> list[Flight]:

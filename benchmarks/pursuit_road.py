@@ -23,6 +23,7 @@ Point = tuple[float, float]
 _SPEED_M_S = (0.8, 2.0)
 _BRIDGED_M_S = (0.9, 1.5)
 _ACCELERATION_M_S2 = 0.6  # along and across
+_TURN_RATE_RAD_S = 0.7  # a vehicle turns at 0.8 rad/s at most
 _START_DELAY_S = 8.0
 _HIDDEN_S = (0.7, 1.6)
 _DECK_M = 0.56  # just above the car: what it hides then hardly depends on the vehicle's height, 2 to 4 m …
@@ -49,6 +50,7 @@ def chase_scenario(seed: int) -> ScenarioConfig:
         turn_radius_m=float(rng.uniform(0.8, 1.6)),
         acceleration_m_s2=_ACCELERATION_M_S2,
         lateral_acceleration_m_s2=_ACCELERATION_M_S2,
+        turn_rate_rad_s=_TURN_RATE_RAD_S,
         start_delay_s=_START_DELAY_S,
     )
     car = msgspec.structs.replace(CarConfig(), path=path, **paint(rng))

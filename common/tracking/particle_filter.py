@@ -22,11 +22,15 @@ from common.tracking.light import Light
 from common.tracking.motion import ConstantVelocity, MotionNoise, wrap_angle
 from common.tracking.particles import expected_state, likelihood_weights, systematic_resample
 
+_SWEPT = 4
+"""Angles on either side at which the mean state is tried."""
 _REACH_1_S = 3.0
 """How far the target may have come from where it is expected, target sizes for each second out of sight."""
 
 _FOUND_FACTOR = 1.1
 """Largest distance of what a search finds, over that of a healthy picture."""
+_FOUND_FLOOR = 0.4
+"""Lower bound of that: noise, sampling and a turn reach 0.3 on a target in full view."""
 _PROBATION = 12
 """Pictures in which what a search found must be seen before it is trusted."""
 
@@ -213,7 +217,7 @@ class ParticleFilterTracker:
     @property
     def _found_limit(self) -> float:
         """Largest distance of a place that a search may start on: the best of so many has to look as it used to."""
-        return min(self._limit, max(self._config.limit_floor, _FOUND_FACTOR * self._healthy_distance))
+        return min(self._limit, max(_FOUND_FLOOR, _FOUND_FACTOR * self._healthy_distance))
 
     def _new_motion(self, state: np.ndarray) -> ConstantVelocity:
         config = self._config
@@ -267,6 +271,10 @@ class ParticleFilterTracker:
         weights = likelihood_weights(distances, config.likelihood_lambda) * prior
         weights /= weights.sum()
         mean, angle_std = expected_state(self._states, weights)
+        if self._model is not None and config.turn_sweep_rad > 0.0:
+            turn = self._best_turn(self._model, mean)
+            mean[PSI] = wrap_angle(mean[PSI] + turn)
+            self._states[:, PSI] += turn
         smallest = float(distances.min())
         # While an occluder slides over the target the rectangle clings to the visible rest: the velocity must not
         # learn from that, so the closer to the limit, the less it does.
@@ -282,6 +290,24 @@ class ParticleFilterTracker:
         self._states = self._states[systematic_resample(weights, self._rng.random())]
         self._rates = np.tile(self._motion.rate, (len(self._states), 1))
         return mean, angle_std
+
+    def _best_turn(self, model: HistogramModel, mean: np.ndarray) -> float:
+        """How far the mean state (4,) has to be turned to fit best, rad, within the sweep.
+
+        A target that turns changes its histograms little at first: the likelihood of eq. 5 is so flat in the angle that
+        the weighted mean lags behind a turn by half a radian. Its smallest distance does not.
+        """
+        turns = np.arange(-_SWEPT, _SWEPT + 1) * (self._config.turn_sweep_rad / _SWEPT)
+        states = np.tile(mean, (len(turns), 1))
+        states[:, PSI] += turns
+        distances = model.distances(self._frame, states, self._light.gain, self._stride)
+        best = int(distances.argmin())
+        if best in (0, len(turns) - 1):
+            return float(turns[best])
+        before, at, after = distances[best - 1 : best + 2]
+        bend = before - 2.0 * at + after
+        offset = 0.5 * (before - after) / bend if bend > 0.0 else 0.0
+        return float(turns[best] + offset * (turns[1] - turns[0]))
 
     def _unseen(self, dt_s: float) -> tuple[np.ndarray, float]:
         """Critical mode: no weights, no resampling, the motion alone (section II-D). Returns as `_seen`."""

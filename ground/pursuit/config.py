@@ -33,7 +33,7 @@ class PursuitConfig(Section, frozen=True, kw_only=True):
     """Change of the asked velocity towards the target that is allowed even with it at the picture's edge, m/s²."""
     view_margin_rad: NonNegative = 0.14
     """Distance from the edge of the picture at which the target's centre is kept, rad: half a target and some."""
-    coast_s: Annotated[float, msgspec.Meta(ge=0, le=3)] = 2.0
+    coast_s: Annotated[float, msgspec.Meta(ge=0, le=3)] = 3.0
     """How long an unseen target is flown after on its last velocity, s; then the vehicle stands."""
     climb_m: NonNegative = 3.0
     """How much higher than at the chase's beginning the vehicle may fly, to keep a target at the picture's edge in view
@@ -61,9 +61,15 @@ class PursuitConfig(Section, frozen=True, kw_only=True):
     """Orientation: how long such an acceleration lasts, s."""
     disturbance_s: Positive = 0.7
     """Orientation: time constant with which wind, drag and a slant of the attitude estimate are learned, s."""
-    yaw_gain_1_s: NonNegative = 0.8
+    turn_memory_s: Positive = 1.5
+    """How long the target's turn goes on unseen, s."""
+    turn_agility_rad_s2: Positive = 2.0
+    """Target's angular acceleration that its heading's filter reckons with (white, standard deviation), rad/s²."""
+    turn_measurement_rad: Positive = 0.08
+    """Standard deviation of the target's heading in a picture, rad."""
+    yaw_gain_1_s: NonNegative = 1.2
     """Heading rate per radian between target and vehicle, 1/s (eq. 10); 0 leaves the heading alone."""
-    yaw_rate_rad_s: Positive = 0.6
+    yaw_rate_rad_s: Positive = 0.8
     """Largest heading rate that is asked for, rad/s."""
     yaw_doubt_rad: Positive = 0.5
     """With a larger standard deviation of the target's orientation the heading is left alone, rad."""

@@ -17,7 +17,9 @@ heading lies clockwise of the vehicle's asks for a clockwise turn.
 
 from __future__ import annotations
 
+import copy
 import math
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,7 +29,8 @@ from common.geometry.camera import Camera
 from common.geometry.rotation import euler_from_quat, wrap_angle
 from common.tracking.base import Expectation
 from ground.pursuit.config import PursuitConfig
-from ground.pursuit.target import TargetFilter
+from ground.pursuit.heading import HeadingFilter
+from ground.pursuit.target import TargetEstimate, TargetFilter
 from ground.pursuit.tilt import TiltLaw
 from ground.pursuit.view import LEAST_HEIGHT_M, Pose, View, off_axis_rad, pixel_of
 
@@ -38,6 +41,23 @@ _HEIGHT_GAIN_1_S = 0.8
 _HEIGHT_DEADBAND_M = 0.3
 # Shares of the half field of view between which the vehicle climbs to keep its target in the picture.
 _EDGE_FROM, _EDGE_TO = 0.5, 0.9
+_BEFORE_LOSS_NS = 300_000_000
+
+
+@dataclass
+class _Filters:
+    """What is known of the target's motion."""
+
+    target: TargetFilter
+    heading: HeadingFilter
+
+    def copy(self) -> _Filters:
+        """The same, to go on from later: the filters replace their arrays and never write into them."""
+        return _Filters(copy.copy(self.target), copy.copy(self.heading))
+
+    def predict(self, t_ns: int) -> TargetEstimate | None:
+        """Target at a later time, turning as it does."""
+        return self.target.predict(t_ns, self.heading.mean_rate(t_ns))
 
 
 @dataclass(frozen=True)
@@ -63,41 +83,51 @@ class ChaseLaw:
 
     def __init__(self, config: PursuitConfig):
         self._config = config
-        self._target = TargetFilter(config.process_m_s2, config.measurement_m)
+        self._filters = _Filters(
+            TargetFilter(config.process_m_s2, config.measurement_m),
+            HeadingFilter(config.turn_memory_s, config.turn_agility_rad_s2, config.turn_measurement_rad),
+        )
         self._tilt = TiltLaw(config) if config.output == "orientation" else None
         self.reset()
 
     def reset(self) -> None:
         """Forget target and command."""
-        self._target.reset()
+        self.retarget()
         if self._tilt is not None:
             self._tilt.reset()
         self._integral = np.zeros(2)
         self._command = np.zeros(2)
         self._towards = np.zeros(2)
-        self._heading_rad = 0.0
+        self._odometry_m = np.zeros(2)
         self._towards_m_s2 = self._config.acceleration_m_s2
         self._height_m: float | None = None
         self._last: tuple[Pose, int] | None = None
-        self._unseen_since_ns: int | None = None
 
     def retarget(self) -> None:
         """Forget how the target moves: it was found again, perhaps elsewhere. What is flown changes smoothly."""
-        self._target.reset()
-        self._unseen_since_ns = None
+        self._filters.target.reset()
+        self._filters.heading.reset()
+        self._kept: deque[tuple[int, _Filters]] = deque()
+        self._unseen_since_ns: int | None = None
 
     def follow(self, view: View, pose: Pose, t_ns: int, angle_std_rad: float) -> Wish:
         """What to fly for a target that was seen in the picture captured at `t_ns`."""
         self._unseen_since_ns = None
-        self._heading_rad = view.heading_rad
         self._towards = view.tangents / max(float(np.linalg.norm(view.tangents)), 1e-6)
         self._towards_m_s2 = self._allowed_acceleration(view)
-        self._target.update(pose.ned_p_m[:2] + view.relative_m, t_ns)
+        f = self._filters
+        if angle_std_rad <= self._config.yaw_doubt_rad:
+            f.heading.update(view.heading_rad, t_ns)
+        f.target.update(self._place(pose, t_ns) + view.relative_m, t_ns, f.heading.predict(t_ns)[1])
+        self._keep(t_ns)
         edge = off_axis_rad(view) / view.half_field_rad
         higher_m = self._config.climb_m * float(np.clip((edge - _EDGE_FROM) / (_EDGE_TO - _EDGE_FROM), 0.0, 1.0))
-        yaw_rate_rad_s = self._yaw_rate(view, pose, angle_std_rad)
+        # The picture is lower than wide: a turn must not carry a target at its side over its upper edge.
+        calm = max(0.0, 1.0 - off_axis_rad(view) / max(view.half_field_rad - self._config.view_margin_rad, 1e-3))
+        yaw_rate_rad_s = calm * self._yaw_rate(pose, t_ns) if angle_std_rad <= self._config.yaw_doubt_rad else 0.0
         if self._tilt is not None:
-            return self._lean(self._tilt, view.relative_m, pose, t_ns, yaw_rate_rad_s, higher_m)
+            asked = self._tilt.step(view.relative_m, pose, t_ns, f.heading.predict(t_ns)[1])
+            return self._lean(self._tilt, asked, pose, t_ns, yaw_rate_rad_s, higher_m)
         return self._steer(pose, t_ns, yaw_rate_rad_s, higher_m)
 
     def expected(self, camera: Camera, pose: Pose, t_ns: int) -> Expectation | None:
@@ -106,19 +136,23 @@ class ChaseLaw:
         The target is carried on in the world at its last velocity, the vehicle's motion is known: None before the
         target was first seen, and while the camera looks away from it.
         """
-        now, before = self._target.predict(t_ns), self._last and self._target.predict(self._last[1])
-        if now is None or before is None or self._last is None:
+        if self._last is None:
             return None
-        last, _ = self._last
-        here, there = self._pixel(camera, pose, now.position_m), self._pixel(camera, last, before.position_m)
+        last, last_ns = self._last
+        now, before = self._filters.predict(t_ns), self._filters.predict(last_ns)
+        if now is None or before is None:
+            return None
+        here = self._pixel(camera, pose, now.position_m - self._place(pose, t_ns))
+        there = self._pixel(camera, last, before.position_m - self._odometry_m)
         if here is None or there is None:
             return None
         yaw_rad, last_yaw_rad = euler_from_quat(pose.ned_q_body)[2], euler_from_quat(last.ned_q_body)[2]
+        (heading_rad, _), (last_heading_rad, _) = (self._filters.heading.predict(t) for t in (t_ns, last_ns))
         return Expectation(
             center_px=here,
-            angle_rad=wrap_angle(self._heading_rad - yaw_rad),
+            angle_rad=wrap_angle(heading_rad - yaw_rad),
             moved_px=(here[0] - there[0], here[1] - there[1]),
-            turned_rad=wrap_angle(last_yaw_rad - yaw_rad),
+            turned_rad=wrap_angle(heading_rad - yaw_rad - last_heading_rad + last_yaw_rad),
             grown=max(self._above_m(last), LEAST_HEIGHT_M) / max(self._above_m(pose), LEAST_HEIGHT_M),
         )
 
@@ -129,36 +163,41 @@ class ChaseLaw:
         """
         if self._unseen_since_ns is None:
             self._unseen_since_ns = t_ns
+            self._roll_back(t_ns)
         unseen_s = (t_ns - self._unseen_since_ns) / 1e9
         higher_m = self._config.climb_m if unseen_s >= self._config.climb_after_s else 0.0
         if unseen_s <= self._config.coast_s:
-            if self._tilt is not None:
-                return self._lean(self._tilt, None, pose, t_ns, 0.0, higher_m)
-            return self._steer(pose, t_ns, 0.0, higher_m)
+            yaw_rate_rad_s = self._yaw_rate(pose, t_ns)
+            target = self._filters.predict(t_ns)
+            if self._tilt is not None and target is not None:
+                relative_m, turn_rad_s = (
+                    target.position_m - self._place(pose, t_ns),
+                    self._filters.heading.predict(t_ns)[1],
+                )
+                asked = self._tilt.coast(relative_m, target.velocity_m_s, pose, t_ns, turn_rad_s)
+                return self._lean(self._tilt, asked, pose, t_ns, yaw_rate_rad_s, higher_m)
+            return self._steer(pose, t_ns, yaw_rate_rad_s, higher_m)
         self._integral[:] = 0.0
         return Wish(self._limited(np.zeros(2), self._step_s(pose, t_ns)), 0.0, self._climb(pose, higher_m))
 
     def _steer(self, pose: Pose, t_ns: int, yaw_rate_rad_s: float, higher_m: float) -> Wish:
         c = self._config
-        target = self._target.predict(t_ns)
+        target = self._filters.predict(t_ns)
         if target is None:
-            return Wish(np.zeros(2), 0.0)
+            return Wish(np.zeros(2), 0.0, self._climb(pose, higher_m))
         dt_s = self._step_s(pose, t_ns)
         vehicle_v = pose.ned_v_m_s[:2]
         relative_v = target.velocity_m_s - vehicle_v
-        error_m = target.position_m - pose.ned_p_m[:2] + c.lead_s * relative_v  # eq. 7, times height
+        error_m = target.position_m - self._odometry_m + c.lead_s * relative_v  # eq. 7, times height
         asked_v = c.position_gain_1_s * error_m  # eq. 9
         error_v = asked_v + relative_v  # eq. 8
         self._integral = _capped(self._integral + c.integral_gain_1_s * dt_s * error_v, c.integral_limit_m_s)
         command = target.velocity_m_s + asked_v + c.velocity_gain * error_v + self._integral
         return Wish(self._limited(command, dt_s), yaw_rate_rad_s, self._climb(pose, higher_m))
 
-    def _lean(
-        self, law: TiltLaw, relative_m: Array | None, pose: Pose, t_ns: int, yaw_rate_rad_s: float, higher_m: float
-    ) -> Wish:
+    def _lean(self, law: TiltLaw, asked: Array, pose: Pose, t_ns: int, yaw_rate_rad_s: float, higher_m: float) -> Wish:
         """The orientation form: an acceleration, within its limits and within what keeps the target in view."""
         self._step_s(pose, t_ns)
-        asked = law.step(relative_m, pose, t_ns)
         excess = float(asked @ self._towards) - self._towards_m_s2
         asked = _capped(asked - max(0.0, excess) * self._towards, self._config.tilt_max_m_s2)
         law.took(asked)
@@ -174,8 +213,8 @@ class ChaseLaw:
             return 0.0
         return float(np.clip(_HEIGHT_GAIN_1_S * short_m, -self._config.sink_m_s, self._config.climb_m_s))
 
-    def _pixel(self, camera: Camera, pose: Pose, target_m: Array) -> tuple[float, float] | None:
-        return pixel_of(camera, pose, np.array([*target_m, -self._config.target_height_m]))
+    def _pixel(self, camera: Camera, pose: Pose, relative_m: Array) -> tuple[float, float] | None:
+        return pixel_of(camera, pose, np.array([*(pose.ned_p_m[:2] + relative_m), -self._config.target_height_m]))
 
     def _above_m(self, pose: Pose) -> float:
         return -float(pose.ned_p_m[2]) - self._config.target_height_m
@@ -190,18 +229,39 @@ class ChaseLaw:
         room_rad = view.half_field_rad - c.view_margin_rad - off_axis_rad(view)
         return float(np.clip(_GRAVITY_M_S2 * math.tan(room_rad), c.acceleration_min_m_s2, c.acceleration_m_s2))
 
-    def _yaw_rate(self, view: View, pose: Pose, angle_std_rad: float) -> float:
+    def _yaw_rate(self, pose: Pose, t_ns: int) -> float:
+        """Heading rate after the target: its own, and more the further the vehicle's heading is from it (eq. 10)."""
         c = self._config
-        if angle_std_rad > c.yaw_doubt_rad:
+        heading_rad, turn_rad_s = self._filters.heading.predict(t_ns)
+        if not self._filters.heading.known:
             return 0.0
-        yaw_rad = euler_from_quat(pose.ned_q_body)[2]
-        # The picture is lower than wide: a turn must not carry a target at its side over its upper edge.
-        calm = max(0.0, 1.0 - off_axis_rad(view) / max(view.half_field_rad - c.view_margin_rad, 1e-3))
-        rate = calm * c.yaw_gain_1_s * wrap_angle(view.heading_rad - yaw_rad)  # eq. 10
-        return float(np.clip(rate, -c.yaw_rate_rad_s, c.yaw_rate_rad_s))
+        rate = turn_rad_s + c.yaw_gain_1_s * wrap_angle(heading_rad - euler_from_quat(pose.ned_q_body)[2])
+        return float(np.clip(rate, -c.yaw_rate_rad_s, c.yaw_rate_rad_s)) if c.yaw_gain_1_s else 0.0
+
+    def _place(self, pose: Pose, t_ns: int) -> Array:
+        """Where the vehicle is by its velocity alone, (2,), m: position fixes wander, and the target with them."""
+        if self._last is None:
+            return self._odometry_m
+        last, last_ns = self._last
+        dt_s = (t_ns - last_ns) / 1e9
+        if dt_s > _LONGEST_STEP_S:
+            return self._odometry_m + pose.ned_p_m[:2] - last.ned_p_m[:2]
+        return self._odometry_m + max(0.0, dt_s) * (pose.ned_v_m_s[:2] + last.ned_v_m_s[:2]) / 2
+
+    def _keep(self, t_ns: int) -> None:
+        """Keep what is known of the target, for a while."""
+        self._kept.append((t_ns, self._filters.copy()))
+        while len(self._kept) > 1 and self._kept[1][0] <= t_ns - _BEFORE_LOSS_NS:
+            self._kept.popleft()
+
+    def _roll_back(self, t_ns: int) -> None:
+        """On a loss, go on from what was known before it: an occluder's edge drags the last estimates along."""
+        if self._kept:
+            self._filters = self._kept[0][1].copy()
 
     def _step_s(self, pose: Pose, t_ns: int) -> float:
         dt_s = 0.0 if self._last is None else min(max(0.0, (t_ns - self._last[1]) / 1e9), _LONGEST_STEP_S)
+        self._odometry_m = self._place(pose, t_ns)
         self._last = (pose, t_ns)
         return dt_s
 

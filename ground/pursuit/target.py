@@ -1,14 +1,15 @@
-"""Velocity of the target: a Kalman filter with constant velocity on its position in the NED plane."""
+"""Velocity of the target: a Kalman filter on its position, with a velocity that turns as the target does."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-_LONGEST_STEP_S = 2.0
+_LONGEST_STEP_S = 3.5
 
 
 @dataclass(frozen=True)
@@ -41,29 +42,37 @@ class TargetFilter:
         """Forget the target."""
         self._state = None
 
-    def update(self, position_m: Array, t_ns: int) -> TargetEstimate:
-        """Estimate after a measured position (2,), m, NED plane, at a capture time, ns."""
+    def update(self, position_m: Array, t_ns: int, turn_rad_s: float = 0.0) -> TargetEstimate:
+        """Estimate after a measured position (2,), m, NED plane, at a capture time, ns, of a target that turns."""
         dt_s = (t_ns - self._t_ns) / 1e9
         if self._state is None or not 0.0 <= dt_s <= _LONGEST_STEP_S:
             self._state = np.vstack((position_m, np.zeros(2)))
             self._covariance = np.diag([self.measurement_m**2, 1.0])
         else:
-            self._predict(dt_s)
+            self._predict(dt_s, turn_rad_s)
             self._correct(position_m)
         self._t_ns = t_ns
         return TargetEstimate(self._state[0].copy(), self._state[1].copy())
 
-    def predict(self, t_ns: int) -> TargetEstimate | None:
-        """Estimate at a later time, at most 2 s on, without a measurement; None before the first one."""
+    def predict(self, t_ns: int, turn_rad_s: float = 0.0) -> TargetEstimate | None:
+        """Estimate at a later time, at most 3.5 s on, without a measurement; None before the first one.
+
+        Args:
+            t_ns: that time, ns.
+            turn_rad_s: mean rate at which the target turns until then, clockwise, rad/s.
+        """
         if self._state is None:
             return None
         ahead_s = min(max(0.0, (t_ns - self._t_ns) / 1e9), _LONGEST_STEP_S)
-        return TargetEstimate(self._state[0] + ahead_s * self._state[1], self._state[1].copy())
+        chord, turned = _arc(self._state[1], ahead_s, turn_rad_s)
+        return TargetEstimate(self._state[0] + chord, turned)
 
-    def _predict(self, dt_s: float) -> None:
+    def _predict(self, dt_s: float, turn_rad_s: float) -> None:
         transition = np.array([[1.0, dt_s], [0.0, 1.0]])
         noise = self.process_m_s2**2 * np.array([[dt_s**3 / 3, dt_s**2 / 2], [dt_s**2 / 2, dt_s]])
-        self._state = transition @ self._state
+        if self._state is not None:
+            chord, turned = _arc(self._state[1], dt_s, turn_rad_s)
+            self._state = np.vstack((self._state[0] + chord, turned))
         self._covariance = transition @ self._covariance @ transition.T + noise
 
     def _correct(self, position_m: Array) -> None:
@@ -74,3 +83,16 @@ class TargetFilter:
         shrink = np.eye(2) - np.outer(gain, [1.0, 0.0])
         # Joseph's form keeps the covariance symmetric and positive.
         self._covariance = shrink @ self._covariance @ shrink.T + self.measurement_m**2 * np.outer(gain, gain)
+
+
+def _arc(velocity_m_s: Array, t_s: float, turn_rad_s: float) -> tuple[Array, Array]:
+    """Way along an arc (2,), m, and the velocity at its end (2,), m/s."""
+    angle_rad = turn_rad_s * t_s
+    chord = t_s * np.sinc(angle_rad / (2.0 * np.pi)) * turned_by(velocity_m_s, angle_rad / 2.0)
+    return chord, turned_by(velocity_m_s, angle_rad)
+
+
+def turned_by(vector: Array, angle_rad: float) -> Array:
+    """A vector (2,), north and east, turned clockwise."""
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
+    return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])

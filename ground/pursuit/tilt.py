@@ -27,6 +27,7 @@ _LONGEST_GAP_S = 2.0
 # Standard deviations: of the acceleration that a tilt stands for (half a degree and more), and of the unexplained.
 _TILT_M_S2 = 0.12
 _UNEXPLAINED_M_S2 = 0.15
+_UNSEEN = (0.15**2, 0.3**2, 0.3**2)  # variances of position, velocity, acceleration of a target that is predicted
 _LEAST_DOWN = 0.3  # of the body's axis: beyond 70 degrees a tilt is no acceleration
 
 
@@ -53,9 +54,10 @@ class TiltLaw:
         self._covariance = np.zeros((size, size))
         self._sent = np.zeros(2)
         self._disturbance = np.zeros(2)
+        self._turn_rad_s = 0.0
         self._last: tuple[int, Array] | None = None
 
-    def step(self, relative_m: Array | None, pose: Pose, t_ns: int) -> Array:
+    def step(self, relative_m: Array | None, pose: Pose, t_ns: int, turn_rad_s: float = 0.0) -> Array:
         """Acceleration to ask for, north and east, m/s², shape (2,).
 
         Args:
@@ -63,8 +65,10 @@ class TiltLaw:
                 seen: the motion is then carried on.
             pose: vehicle at that time.
             t_ns: capture time, ns.
+            turn_rad_s: rate at which the target turns, clockwise, rad/s: its velocity turns as it does.
         """
         tilt = tilt_acceleration(pose)
+        self._turn_rad_s = turn_rad_s
         self._predict(pose, tilt, t_ns)
         if self._state is None:
             if relative_m is None:
@@ -75,7 +79,34 @@ class TiltLaw:
             if relative_m is not None:
                 state = self._correct(state, ERROR, relative_m, self._config.tilt_measurement_m)
         self._state = state
+        return self._asked(state, pose)
+
+    def coast(self, relative_m: Array, velocity_m_s: Array, pose: Pose, t_ns: int, turn_rad_s: float = 0.0) -> Array:
+        """As `step`, for an unseen target that a prediction has at a place, moving at a velocity (2,), m/s.
+
+        What the last pictures said of it is replaced by that: they show an occluder's edge as much as the target.
+        """
+        asked = self.step(None, pose, t_ns, turn_rad_s)
+        if self._state is None:
+            return asked
+        state = self._state.copy()
+        state[ERROR], state[VELOCITY] = relative_m, velocity_m_s - pose.ned_v_m_s[:2]
+        state[TARGET] = 0.0
+        self._covariance[: TARGET + 1] = self._covariance[:, : TARGET + 1] = 0.0
+        self._covariance[range(TARGET + 1), range(TARGET + 1)] = _UNSEEN
+        self._state = state
+        return self._asked(state, pose)
+
+    def _asked(self, state: Array, pose: Pose) -> Array:
+        """What the gains make of a state, with the sideways acceleration of the target's turn added to it."""
+        state = state.copy()
+        state[TARGET] += self._sideways(state, pose.ned_v_m_s[:2])
         return -self._gains @ state + self._disturbance
+
+    def _sideways(self, state: Array, velocity_m_s: Array) -> Array:
+        """Acceleration of the target across its velocity, (2,), m/s²."""
+        north, east = state[VELOCITY] + velocity_m_s
+        return self._turn_rad_s * np.array([-east, north])
 
     def took(self, acceleration_m_s2: Array) -> None:
         """Note what was asked for in the end, after the limits, (2,), m/s²."""
@@ -100,14 +131,17 @@ class TiltLaw:
             share = min(1.0, gap_s / self._config.disturbance_s)
             self._disturbance = self._disturbance + share * (change - self._disturbance)
             for _ in range(round(gap_s / self._period_s)):
-                self._carry_on()
+                self._carry_on(velocity)
         self._last = (t_ns, velocity)
 
-    def _carry_on(self) -> None:
-        """State and covariance a period later."""
+    def _carry_on(self, velocity_m_s: Array) -> None:
+        """State and covariance a period later, of a vehicle at a velocity (2,), m/s."""
         transition, entry = self._model.transition, self._model.entry
         if self._state is not None:
+            across = self._sideways(self._state, velocity_m_s)
             self._state = transition @ self._state + np.outer(entry, self._sent)
+            self._state[ERROR] += across * self._period_s**2 / 2
+            self._state[VELOCITY] += across * self._period_s
             self._covariance = transition @ self._covariance @ transition.T + self._noise
 
     def _correct(self, state: Array, row: int, measured: Array, std: float) -> Array:
