@@ -65,8 +65,8 @@ class ParticleFilterConfig(Section, frozen=True, kw_only=True):
     limit_frames: Annotated[int, msgspec.Meta(ge=1)] = 10
     """Pictures from whose median that smallest distance is taken at the start."""
     limit_floor: Fraction = 0.48
-    """Lower bound of d_lim: noise, sampling and a turn reach 0.3 on a target in full view, a car that shows its sides to a
-    low camera 0.4."""
+    """Lower bound of d_lim: noise, sampling and a turn reach 0.3 on a target in full view, and 0.4 on a car that shows
+    its sides to a low camera."""
     limit_ceiling: Fraction = 0.62
     """Upper bound of d_lim: above it, ground passes for the target."""
     limit_memory_s: Positive = 2.0
