@@ -62,18 +62,22 @@ class Sides:
         return None
 
     def end(self) -> None:
-        """End all sides, and wait for them."""
-        for process in self._processes.values():
-            if process.poll() is None:
-                process.send_signal(signal.SIGTERM)
+        """End all sides, and wait for them; the simulation last, so that helm does not end against a dead autopilot."""
+        self._end("ground", "onboard")
+        self._end("sim")
+
+    def _end(self, *sides: str) -> None:
+        for side in sides:
+            if self._processes[side].poll() is None:
+                self._processes[side].send_signal(signal.SIGTERM)
         deadline = time.monotonic() + _GRACE_S
-        for side, process in self._processes.items():
+        for side in sides:
             try:
-                process.wait(max(0.0, deadline - time.monotonic()))
+                self._processes[side].wait(max(0.0, deadline - time.monotonic()))
             except subprocess.TimeoutExpired:
                 log.warning("the %s side did not end in %.0f s: killing it", side, _GRACE_S)
-                process.kill()
-                process.wait()
+                self._processes[side].kill()
+                self._processes[side].wait()
 
 
 def _end_with_parent() -> None:

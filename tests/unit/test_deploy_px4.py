@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from common import cli
+from common import pose_options
 from common.processes import load_config
 from onboard.helm.config import HelmConfig
 
@@ -51,8 +51,8 @@ def test_every_parameter_is_explained() -> None:
 def test_the_world_listens_where_px4_sends() -> None:
     link = (FOLDER / "mavlink-local.sh").read_text()
 
-    assert f"-o $(({cli._POSE_PORTS['local']}+px4_instance))" in link
-    assert link.count(f"-u $(({cli._POSE_ASKED['local']}+px4_instance))") == 4
+    assert f"-o $(({pose_options.POSE_PORTS['local']}+px4_instance))" in link
+    assert link.count(f"-u $(({pose_options.POSE_ASKED['local']}+px4_instance))") == 4
     for message in ("LOCAL_POSITION_NED", "ATTITUDE_QUATERNION"):
         assert f"mavlink stream -r 100 -s {message} " in link
 

@@ -13,7 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from common import cli, heartbeat
+from common import heartbeat
+from common.cli_parser import make_parser
 from common.processes import PROCESSES, side_processes
 
 ROOT = Path(__file__).parents[2]
@@ -32,7 +33,7 @@ def unit(path: Path) -> configparser.ConfigParser:
 
 def check_command(arguments: list[str]) -> None:
     """Parse a command line as `outrider` does; a wrong one ends with SystemExit. Names of processes must exist."""
-    parsed = cli._parser().parse_args(arguments)
+    parsed = make_parser().parse_args(arguments)
     if parsed.action == "node":
         assert parsed.name in PROCESSES
     if parsed.action in ("onboard", "ground", "sim"):
