@@ -16,6 +16,7 @@ from simulation.autopilot.modes import Mode, Verdict
 from simulation.autopilot.motion import FREE, NAN, AttitudeSetpoint, MotionSetpoint, Setpoint, heading
 from simulation.autopilot.plant import PlantState, Vec3, down_axis
 from simulation.autopilot.vehicle import SimulatedVehicle
+from simulation.px4_steps import STEPS
 
 DT_S = 0.004
 SETTLED_S = 5.0
@@ -51,8 +52,9 @@ class Band:
         return (value - end) / end
 
 
-def _at(value: float) -> Band:
-    return Band(value, value)
+def _bands(step: str) -> dict[str, Band]:
+    """PX4's readings of a step."""
+    return {n: Band(*r) if isinstance(r, tuple) else Band(r, r) for n, r in STEPS[step].items()}
 
 
 def velocity(north_m_s: float) -> MotionSetpoint:
@@ -93,15 +95,7 @@ CASES: tuple[StepCase, ...] = (
         velocity(_SPEED_M_S),
         lambda s: s.ned_v_m_s[0],
         _SPEED_M_S,
-        {
-            "t10_s": _at(0.27),
-            "t50_s": _at(0.70),
-            "t63_s": _at(1.07),
-            "t90_s": Band(8.0, math.inf),
-            "speed_2s_m_s": _at(1.49),
-            "speed_5s_m_s": _at(1.60),
-            "tilt_deg": _at(16.6),
-        },
+        _bands("start_default"),
     ),
     StepCase(
         "stop_default",
@@ -111,13 +105,7 @@ CASES: tuple[StepCase, ...] = (
         velocity(0.0),
         lambda s: s.ned_v_m_s[0],
         -_SPEED_M_S,
-        {
-            "t10_s": _at(0.27),
-            "t50_s": _at(0.57),
-            "t63_s": _at(0.74),
-            "t90_s": _at(4.0),
-            "stop_distance_m": _at(2.29),
-        },
+        _bands("stop_default"),
         before=velocity(_SPEED_M_S),
     ),
     StepCase(
@@ -128,14 +116,7 @@ CASES: tuple[StepCase, ...] = (
         velocity(_SPEED_M_S),
         lambda s: s.ned_v_m_s[0],
         _SPEED_M_S,
-        {
-            "t10_s": _at(0.31),
-            "t50_s": _at(0.63),
-            "t63_s": _at(0.77),
-            "t90_s": _at(1.2),
-            "overshoot_percent": Band(7.0, 8.0),
-            "tilt_deg": _at(17.5),
-        },
+        _bands("start_low"),
     ),
     StepCase(
         "stop_low",
@@ -145,7 +126,7 @@ CASES: tuple[StepCase, ...] = (
         velocity(0.0),
         lambda s: s.ned_v_m_s[0],
         -_SPEED_M_S,
-        {"t90_s": _at(1.15), "stop_distance_m": Band(1.2, 1.5)},
+        _bands("stop_low"),
         before=velocity(_SPEED_M_S),
     ),
     StepCase(
@@ -156,13 +137,7 @@ CASES: tuple[StepCase, ...] = (
         MotionSetpoint(ned_v_m_s=(0.0, 0.0, -1.0), yaw_rad=0.0),
         lambda s: -s.ned_v_m_s[2],
         1.0,
-        {
-            "t10_s": _at(0.12),
-            "t50_s": _at(0.22),
-            "t63_s": _at(0.29),
-            "t90_s": _at(0.45),
-            "overshoot_percent": _at(20.0),
-        },
+        _bands("climb"),
     ),
     StepCase(
         "yaw",
@@ -172,13 +147,7 @@ CASES: tuple[StepCase, ...] = (
         MotionSetpoint(ned_p_m=(NAN, NAN, -_HEIGHT_M), ned_v_m_s=(0.0, 0.0, NAN), yaw_rad=math.pi / 2),
         lambda s: heading(s.ned_q_body),
         math.pi / 2,
-        {
-            "t10_s": _at(0.33),
-            "t50_s": _at(0.65),
-            "t90_s": _at(0.93),
-            "yaw_rate_deg_s": _at(141.0),
-            "overshoot_percent": _at(17.0),
-        },
+        _bands("yaw"),
     ),
     StepCase(
         "roll",
@@ -188,7 +157,7 @@ CASES: tuple[StepCase, ...] = (
         AttitudeSetpoint((math.cos(_ROLL_RAD / 2), math.sin(_ROLL_RAD / 2), 0.0, 0.0), FREE, HOVER_THRUST),
         lambda s: _roll(s),
         _ROLL_RAD,
-        {"t10_s": _at(0.14), "t50_s": _at(0.25), "t63_s": _at(0.29), "t90_s": _at(0.46), "overshoot_percent": _at(3.0)},
+        _bands("roll"),
     ),
 )
 

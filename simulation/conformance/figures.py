@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
+from simulation.px4_steps import STEPS, times_s
+
 OFFBOARD = 6 << 16
 TAKEOFF, HOLD, RETURN, LAND = (4 << 16 | sub << 24 for sub in (2, 3, 5, 6))
 POSITION_MODE, ALTITUDE_MODE = 3 << 16, 2 << 16
@@ -67,6 +69,15 @@ LOSS_ACTIONS: Mapping[int, int] = MappingProxyType({0: RETURN, 3: RETURN, 4: LAN
 """Mode that follows the loss of the OFFBOARD stream, by COM_OBL_RC_ACT; 0 without a remote control."""
 
 
+def _range(step: str, name: str) -> tuple[float, float]:
+    reading = STEPS[step][name]
+    return reading if isinstance(reading, tuple) else (reading, reading)
+
+
+def _reading(step: str, name: str) -> float:
+    return _range(step, name)[0]
+
+
 class StepResponse(NamedTuple):
     """Response to a horizontal velocity step of 2 m/s and to the stop after it."""
 
@@ -86,30 +97,25 @@ class StepResponse(NamedTuple):
     """Way covered after the stop, within 6 s, m: least and most."""
 
 
-# 1 kg, and N per m/s
-STEPS = (
+STEP_RESPONSES = (
     StepResponse(
         "SIH default drag (1 N per m/s)",
-        {0.1: 0.27, 0.5: 0.70, 0.63: 1.07},
-        16.6,
-        1.49,
+        times_s("start_default"),
+        _reading("start_default", "tilt_deg"),
+        _reading("start_default", "speed_2s_m_s"),
         0.0,
-        {0.1: 0.27, 0.5: 0.57, 0.63: 0.74, 0.9: 4.0},
-        (2.29, 2.29),
+        times_s("stop_default"),
+        _range("stop_default", "stop_distance_m"),
     ),
     StepResponse(
         "low drag (0.1 N per m/s)",
-        {0.1: 0.31, 0.5: 0.63, 0.63: 0.77, 0.9: 1.2},
-        17.5,
+        times_s("start_low"),
+        _reading("start_low", "tilt_deg"),
         2.1,
-        0.075,
-        {0.9: 1.15},
-        (1.2, 1.5),
+        sum(_range("start_low", "overshoot_percent")) / 200.0,
+        times_s("stop_low"),
+        _range("stop_low", "stop_distance_m"),
     ),
 )
-CLIMB_S: Mapping[float, float] = MappingProxyType({0.1: 0.12, 0.5: 0.22, 0.63: 0.29, 0.9: 0.45})
-"""Seconds until a share of a climb step of 1 m/s is reached."""
-YAW_S: Mapping[float, float] = MappingProxyType({0.1: 0.33, 0.5: 0.65, 0.9: 0.93})
-"""Seconds until a share of a heading step of 90° is reached."""
 HOVER_THRUST = 0.495
 """Thrust of SET_ATTITUDE_TARGET that hovers."""

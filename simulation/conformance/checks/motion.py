@@ -10,10 +10,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from simulation.conformance.client import Seen, Stream
-from simulation.conformance.figures import CLIMB_S, STEPS, YAW_S, StepResponse
+from simulation.conformance.figures import STEP_RESPONSES, StepResponse
 from simulation.conformance.judge import Judge
 from simulation.conformance.response import crossing_s, deviation, integral, value_at
 from simulation.conformance.vehicle import ARM, HEIGHT_M, REJECTED, Vehicle
+from simulation.px4_steps import times_s
 
 _ACCELERATION_MASK, _POSITION_MASK = 0x53B, 0x9F8
 _CLIMB_MASK = 0x5C7
@@ -116,7 +117,7 @@ def step(vehicle: Vehicle, judge: Judge) -> None:
     lost = [before - s.vx for s in down[1]]
     got_down = {share: crossing_s(down[0], lost, share * before) for share in (0.1, 0.5, 0.63, 0.9)}
     speed_2s = value_at(up[0], speeds_up, 2.0)
-    fit = min(STEPS, key=lambda s: deviation(got_up, dict(s.up_s)) + abs(speed_2s - s.speed_2s_m_s))
+    fit = min(STEP_RESPONSES, key=lambda s: deviation(got_up, dict(s.up_s)) + abs(speed_2s - s.speed_2s_m_s))
     _judge_steps(judge, fit, got_up, got_down)
     judge.near("tilt", tilt_deg, fit.tilt_deg, 0.15 * fit.tilt_deg, "°")
     judge.near("speed 2 s after", speed_2s, fit.speed_2s_m_s, 0.2, "m/s")
@@ -142,7 +143,7 @@ def climb_step(vehicle: Vehicle, judge: Judge) -> None:
     times, states = _step(vehicle, vehicle.setpoint(_CLIMB_MASK, vz=-1.0), 1.6)
     begun = -states[0].vz if states else 0.0
     climbs = [(-s.vz - begun) / (1.0 - begun) for s in states]
-    for share, t_s in CLIMB_S.items():
+    for share, t_s in times_s("climb").items():
         judge.near(f"t{share * 100:.0f}", crossing_s(times, climbs, share), t_s, 0.15 * t_s + 0.06, "s")
     # PX4's 20 % were measured with its default drag; less drag overshoots more
     judge.between("overshoot", max(climbs, default=math.nan) - 1.0, 0.05, 0.45)
@@ -161,7 +162,7 @@ def yaw_step(vehicle: Vehicle, judge: Judge) -> None:
     seen = [s.message for s in client.since(begun_s, "ATTITUDE")]
     times = [m.time_boot_ms * 1e-3 - start_s for m in seen]
     turned = [math.remainder(m.yaw - before, math.tau) / (math.pi / 2) for m in seen]
-    for share, t_s in YAW_S.items():
+    for share, t_s in times_s("yaw").items():
         judge.near(f"t{share * 100:.0f}", crossing_s(times, turned, share), t_s, 0.15 * t_s + 0.05, "s")
     judge.near("overshoot", max(turned) - 1.0, 0.17, 0.08)
     judge.near("fastest", max(math.degrees(m.yawspeed) for m in seen), 141.0, 25.0, "°/s")
