@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import signal
 import sys
 from pathlib import Path
 
@@ -80,6 +81,8 @@ def _refuse_company(client: Client, may_fly: bool) -> None:
 
 def _report(args: argparse.Namespace, client: Client, checks: list[Check], may_fly: bool) -> int:
     vehicle = Vehicle(client)
+    # A shell that starts it in the background leaves SIGINT ignored, and it has to land the vehicle all the same.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     if may_fly:
         print(f"WARNING: this arms and flies the vehicle at {args.url}, 5 m high and 25 m around. Ctrl-C lands it.")
     else:
