@@ -70,7 +70,7 @@ def make_parser() -> argparse.ArgumentParser:
     _add_topics(sub)
     _add_preflight(sub)
     _add_doctor(sub)
-    _add_config(track_command.add(sub))
+    _add_config(track_command.add(sub), default=None)
     _add_demo(sub)
     password = sub.add_parser(
         "console-password",
@@ -182,12 +182,12 @@ def _add_conformance(sub: argparse._SubParsersAction) -> None:
     parser.add_argument("--verbose", action="store_true", help="show every comparison")
 
 
-def _add_config(parser: argparse.ArgumentParser) -> None:
+def _add_config(parser: argparse.ArgumentParser, default: str | None = "kite") -> None:
     parser.add_argument(
         "--config",
         metavar="FILE",
-        default="kite",
-        help="vehicle file: a path, or a name in deploy/vehicles (default: kite)",
+        default=default,
+        help=f"vehicle file: a path, or a name in deploy/vehicles (default: {default or 'none, all keys as they are'})",
     )
     parser.add_argument(
         "--set",

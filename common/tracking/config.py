@@ -48,8 +48,9 @@ class ParticleFilterConfig(Section, frozen=True, kw_only=True):
     """Random walk of the turn rate, rad/s/sqrt(s)."""
     angle_rate_memory_s: Positive = 2.0
     """Time constant with which the turn rate returns to zero, s: a target does not spin for ever."""
-    turn_sweep_rad: NonNegative = 0.4
-    """How far the mean is turned either way to find the angle that fits best, rad; 0 leaves the mean alone."""
+    turn_sweep_rad: NonNegative = 0.0
+    """How far the mean is turned either way to find the angle that fits best, rad; 0 leaves the mean alone. For
+    a camera that looks down on what turns; what stands upright in the picture is followed better without."""
     scale_noise: NonNegative = 0.06
     """Random walk of 1/sqrt(A), relative, 1/sqrt(s)."""
     scale_rate_noise: NonNegative = 0.1
@@ -64,9 +65,9 @@ class ParticleFilterConfig(Section, frozen=True, kw_only=True):
     """d_lim over the smallest distance of a healthy picture (Teulière 2011, section II-D)."""
     limit_frames: Annotated[int, msgspec.Meta(ge=1)] = 10
     """Pictures from whose median that smallest distance is taken at the start."""
-    limit_floor: Fraction = 0.48
+    limit_floor: Fraction = 0.36
     """Lower bound of d_lim: noise, sampling and a turn reach 0.3 on a target in full view, and 0.4 on a car that shows
-    its sides to a low camera."""
+    its sides to a low camera (then 0.48)."""
     limit_ceiling: Fraction = 0.62
     """Upper bound of d_lim: above it, ground passes for the target."""
     limit_memory_s: Positive = 2.0
