@@ -2,7 +2,7 @@
 #
 #   make demo     the whole system on this machine: http://localhost:8080
 #   make test     every test
-#   make fast     unit and property tests, under a minute
+#   make fast     unit and property tests, but for the slow ones
 #   make lint     ruff (rules and format) and pyright
 #   make format   sort imports and format
 #   make bench    the benchmarks
