@@ -71,6 +71,7 @@ def test_flies_over_tcp_with_the_world_on_the_autopilot_s_estimate(make_stack: M
         bridge = Bridge.tcp_from(listener, stack.helm_port, stack.autopilot_onboard)
         try:
             _flies_and_is_seen(Flight(stack))
+            assert stack.pid("autopilot") is None, "the sim side started an autopilot of its own"
         finally:
             bridge.close()
 
