@@ -17,7 +17,7 @@ from common.geometry.rotation import Array, euler_from_quat
 from common.messages import VehicleState
 from ground.console.config import ConsoleConfig
 from ground.console.overlay import GREEN, ORANGE, RED, decode
-from ground.console.snapshot import OBSTACLES, SETPOINT, STATE, TRACK, Collector, Snapshot
+from ground.console.snapshot import SETPOINT, STATE, TRACK, Collector, Snapshot
 from ground.console.target import ground_point_m
 
 _PERIOD_NS = 100_000_000
@@ -197,12 +197,11 @@ class SceneView:
         self._velocity.points = np.array([[start, end] for end in ends], dtype=np.float32)
 
     def _update_obstacles(self, view: Snapshot, state: VehicleState | None) -> None:
-        seen = view.obstacles.obstacles if view.obstacles is not None and view.fresh(OBSTACLES) else ()
-        self._obstacles.visible = bool(seen) and state is not None
-        if not seen or state is None:
+        self._obstacles.visible = bool(view.obstacles) and state is not None
+        if not view.obstacles or state is None:
             return
         centre = np.asarray(state.ned_p_m, dtype=float)
-        points = np.array([centre + o.distance_m * np.asarray(o.ned_direction) for o in seen])
+        points = np.array([centre + o.distance_m * np.asarray(o.ned_direction) for o in view.obstacles])
         self._obstacles.points = points.astype(np.float32)
         self._obstacles.colors = np.tile(np.array(RED, np.uint8), (len(points), 1))
 

@@ -16,6 +16,7 @@ from common.messages import (
     HelmStatus,
     Image,
     Message,
+    Obstacle,
     Obstacles,
     Session,
     Setpoint,
@@ -33,9 +34,9 @@ STATE = "helm/state"
 STATUS = "helm/status"
 SETPOINT = "helm/setpoint"
 TRACK = "pursuit/track"
-OBSTACLES = "obstacles/near"
+OBSTACLES = ("obstacles/depth", "obstacles/people", "obstacles/circles")
 SESSION = "session"
-TOPICS = (PICTURE, CAMERA_INFO, STATE, STATUS, SETPOINT, TRACK, OBSTACLES, SESSION)
+TOPICS = (PICTURE, CAMERA_INFO, STATE, STATUS, SETPOINT, TRACK, *OBSTACLES, SESSION)
 
 _PICTURES_KEPT = 6  # 0.3 s at 20 Hz: the tracker answers within that, or its box is shown on a newer picture
 _STATES_KEPT_NS = 2_000_000_000
@@ -86,8 +87,8 @@ class Snapshot:
     """Picture that the estimate belongs to (vehicle clock)."""
     tracked_ago_ms: float = -1.0
     """How long ago the target was last tracked, ms; -1: never."""
-    obstacles: Obstacles | None = None
-    """Newest list of obstacles."""
+    obstacles: tuple[Obstacle, ...] = ()
+    """Obstacles of all sources that are fresh."""
     camera: Camera | None = None
     """Calibration."""
     session: Session | None = None
@@ -213,6 +214,12 @@ class Collector:
         if picture is not None:
             ages[PICTURE] = (t_ns - picture.received_ns) / 1e6  # a repeated picture has not arrived anew
         track = newest(TRACK, Track)
+        obstacles = tuple(
+            obstacle
+            for name in OBSTACLES
+            if (received := newest(name, Obstacles)) is not None and ages[name] < topic(name).max_age_ms
+            for obstacle in received.message.obstacles
+        )
         health = {name: r.message for name in self._nodes if (r := newest(health_topic(name).name, Health)) is not None}
         return Snapshot(
             t_ns=t_ns,
@@ -226,7 +233,7 @@ class Collector:
             track=_message(track),
             track_capture_ns=track.header.capture_ns if track else 0,
             tracked_ago_ms=-1.0 if self._tracked_ns is None else (t_ns - self._tracked_ns) / 1e6,
-            obstacles=_message(newest(OBSTACLES, Obstacles)),
+            obstacles=obstacles,
             camera=self._calibration(newest(CAMERA_INFO, CameraInfo)),
             session=_message(newest(SESSION, Session)),
             health=health,

@@ -10,7 +10,9 @@ from common.helm_lock import HelmLock, require_free_port
 from common.messages import (
     CameraInfo,
     HelmStatus,
+    LimiterStatus,
     Message,
+    Obstacle,
     Obstacles,
     Request,
     Track,
@@ -30,9 +32,12 @@ from onboard.helm.seen import BLIND, Seen, TrackView
 from onboard.helm.telemetry import AttitudeSample, Telemetry
 from onboard.limiter.config import LimiterConfig
 from onboard.limiter.limiter import Limited, limit
+from onboard.limiter.status import sectors_m
 
 _REQUESTS = ("helm/request/operator", "helm/request/pursuit")
+_OBSTACLES = ("obstacles/depth", "obstacles/people", "obstacles/circles")
 _STATUS_PERIOD_S = 0.2
+_LIMITER_PERIOD_S = 0.1
 _OBSTACLES_MAX_AGE_S = 1.0
 _EXTRAPOLATE_S = 0.2
 
@@ -53,8 +58,8 @@ class HelmNode(Node):
         ConfigError: the URL cannot be opened.
     """
 
-    inputs = (*_REQUESTS, "obstacles/near", "camera/down/info", "pursuit/track")
-    outputs = ("helm/state", "helm/status", "helm/setpoint")
+    inputs = (*_REQUESTS, *_OBSTACLES, "camera/down/info", "pursuit/track")
+    outputs = ("helm/state", "helm/status", "helm/setpoint", "helm/limiter")
     commands = COMMANDS
     trigger = On(_REQUESTS, at_least_every_s=0.02)
     exclusive = True
@@ -69,6 +74,7 @@ class HelmNode(Node):
         self._telemetry = Telemetry()
         self._limited: Limited | None = None
         self._status_ns = 0
+        self._limiter_ns = 0
         self._shown: tuple[str, str] = ("", "")
 
     def _open(self) -> AutopilotLink:
@@ -104,6 +110,7 @@ class HelmNode(Node):
             if self._telemetry.position is not None
         )
         outputs.extend(self._status(seen, t_ns))
+        outputs.extend(self._limiter_status(seen, t_ns))
         return outputs
 
     def on_command(self, call: CommandCall, inputs: Inputs, t_ns: int) -> Iterable[Output]:
@@ -128,10 +135,6 @@ class HelmNode(Node):
             self._link.submit(action)
 
     def _look(self, inputs: Inputs, t_ns: int, results: bool) -> Seen:
-        obstacles = inputs.latest("obstacles/near", Obstacles)
-        view = BLIND
-        if obstacles is not None and (age_s := (t_ns - obstacles.header.capture_ns) / 1e9) < _OBSTACLES_MAX_AGE_S:
-            view = View(obstacles.message.obstacles, max(age_s, 0.0))
         track = inputs.peek("pursuit/track", Track)
         info = inputs.peek("camera/down/info", CameraInfo)
         return Seen(
@@ -139,7 +142,7 @@ class HelmNode(Node):
             results=tuple(self._link.results()) if results else (),
             operator=_candidate(inputs, "operator"),
             pursuit=_candidate(inputs, "pursuit"),
-            view=view,
+            view=_surroundings(inputs, t_ns),
             track=None
             if track is None
             else TrackView(track.message.state == "tracking", (t_ns - track.received_ns) / 1e9),
@@ -154,9 +157,7 @@ class HelmNode(Node):
             return ()
         self._shown, self._status_ns = shown, t_ns
         streaming = self.flight.streaming(telemetry)
-        limited = (
-            self._limited if streaming and self._limited else limit((0.0, 0.0, 0.0), seen.view.obstacles, self.limiter)
-        )
+        limited = self._limited_now(seen)
         status: Message = HelmStatus(
             state=machine.state.value,
             source=self.flight.verdict.source if streaming else "",
@@ -172,6 +173,49 @@ class HelmNode(Node):
             counters=dict(machine.counters),
         )
         return (Output("helm/status", status),)
+
+    def _limited_now(self, seen: Seen) -> Limited:
+        """What the limiter did to the newest setpoint; without one, what it would do to hover."""
+        if self._limited is not None and self.flight.streaming(self._telemetry):
+            return self._limited
+        return limit((0.0, 0.0, 0.0), seen.view.obstacles, self.limiter)
+
+    def _limiter_status(self, seen: Seen, t_ns: int) -> Iterable[Output]:
+        if (t_ns - self._limiter_ns) / 1e9 < _LIMITER_PERIOD_S:
+            return ()
+        self._limiter_ns = t_ns
+        limited, obstacles, law = self._limited_now(seen), seen.view.obstacles or (), self.limiter
+        nearest = min(obstacles, key=lambda o: o.distance_m, default=None)
+        asked = math.hypot(*limited.asked_ned_v_m_s)
+        blind = limited.zone == "blind"
+        status = LimiterStatus(
+            zone=limited.zone,
+            distance_m=limited.distance_m,
+            ned_direction=nearest.ned_direction if nearest else (0.0, 0.0, 0.0),
+            asked_m_s=asked,
+            allowed_m_s=math.hypot(*limited.ned_v_m_s),
+            why=("no data" if blind else "curve") if limited.changed else "clear",
+            label=nearest.label if nearest else "",
+            h_min_m=law.h_min_m,
+            h_desired_m=law.h_desired_m,
+            h_mid_m=law.h_mid_m,
+            h_max_m=law.h_max_m,
+            sectors_m=sectors_m(obstacles),
+        )
+        return (Output("helm/limiter", status),)
+
+
+def _surroundings(inputs: Inputs, t_ns: int) -> View:
+    """Obstacles of all sources that are fresh, with the age of the oldest."""
+    obstacles: list[Obstacle] = []
+    ages_s: list[float] = []
+    for name in _OBSTACLES:
+        received = inputs.latest(name, Obstacles)
+        if received is None or (age_s := (t_ns - received.header.capture_ns) / 1e9) >= _OBSTACLES_MAX_AGE_S:
+            continue
+        obstacles.extend(received.message.obstacles)
+        ages_s.append(max(age_s, 0.0))
+    return View(obstacles, max(ages_s)) if ages_s else BLIND
 
 
 def _candidate(inputs: Inputs, source: str) -> Candidate | None:

@@ -20,10 +20,11 @@ Where we differ from the print, and why:
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 from onboard.limiter.config import LimiterConfig
 
-ZONES = ("safe", "warning", "transition", "collision")
+Zone = Literal["safe", "warning", "transition", "collision", "blind"]
 
 
 def coefficients(v_i_m_s: float, config: LimiterConfig) -> tuple[float, float]:
@@ -81,7 +82,7 @@ def allowed_approach(h_m: float, v_i_m_s: float, closing_m_s: float, config: Lim
     return min(max(min(reference, stoppable(h_m, config)) - closing, 0.0), v_i_m_s)
 
 
-def zone(h_m: float, config: LimiterConfig) -> str:
+def zone(h_m: float, config: LimiterConfig) -> Zone:
     """Name of the zone of a distance: safe, warning, transition or collision (Al-Kaff 2019, figure 8)."""
     if h_m > config.h_max_m:
         return "safe"

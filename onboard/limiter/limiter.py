@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from common.messages import Obstacle, Vec3
 from onboard.limiter.config import LimiterConfig
-from onboard.limiter.law import allowed_approach, stoppable, zone
+from onboard.limiter.law import Zone, allowed_approach, stoppable, zone
 
 _SWEEPS = 60
 _TOLERANCE_M_S = 1e-6
@@ -19,9 +19,11 @@ _ZERO: Vec3 = (0.0, 0.0, 0.0)
 class Limited:
     """What the limiter made of a velocity."""
 
+    asked_ned_v_m_s: Vec3
+    """The velocity asked, NED, m/s."""
     ned_v_m_s: Vec3
     """The velocity that may be flown, NED, m/s."""
-    zone: str
+    zone: Zone
     """Zone of the nearest obstacle; `blind` without obstacle data."""
     distance_m: float
     """Distance of the nearest obstacle, m; -1 when there is none."""
@@ -65,25 +67,25 @@ def limit(
         The limited velocity; zero when a number is not finite.
     """
     if not (_finite(ned_v_m_s) and _finite(ned_vehicle_v_m_s) and math.isfinite(age_s)):
-        return Limited(_ZERO, "blind", -1.0, True)
+        return Limited(_ZERO, _ZERO, "blind", -1.0, True)
     if obstacles is None:
         blocked = required and ned_v_m_s != _ZERO
-        return Limited(_ZERO if required else ned_v_m_s, "blind", -1.0, blocked)
+        return Limited(ned_v_m_s, _ZERO if required else ned_v_m_s, "blind", -1.0, blocked)
     normals: list[Vec3] = []
     bounds: list[float] = []
     nearest_m = math.inf
     for obstacle in obstacles:
         distance_m, normal, closing_m_s = _now(obstacle, ned_vehicle_v_m_s, age_s)
         if not math.isfinite(distance_m + closing_m_s) or not _finite(normal):
-            return Limited(_ZERO, "collision", -1.0, True)
+            return Limited(ned_v_m_s, _ZERO, "collision", -1.0, True)
         nearest_m = min(nearest_m, distance_m)
         normals.append(normal)
         bounds.append(_bound(distance_m, _dot(ned_v_m_s, normal), closing_m_s, config))
     name = zone(nearest_m, config)
     distance_m = nearest_m if normals else -1.0
     if all(_dot(ned_v_m_s, n) <= b + _TOLERANCE_M_S for n, b in zip(normals, bounds, strict=True)):
-        return Limited(ned_v_m_s, name, distance_m, False)
-    return Limited(project(ned_v_m_s, normals, bounds), name, distance_m, True)
+        return Limited(ned_v_m_s, ned_v_m_s, name, distance_m, False)
+    return Limited(ned_v_m_s, project(ned_v_m_s, normals, bounds), name, distance_m, True)
 
 
 def _now(obstacle: Obstacle, ned_vehicle_v_m_s: Vec3, age_s: float) -> tuple[float, Vec3, float]:

@@ -229,7 +229,7 @@ class ScriptedVehicle:
             ),
         )
         if s.obstacles:
-            self._buses["world"].publish("obstacles/near", Obstacles(obstacles=s.obstacles))
+            self._buses["world"].publish("obstacles/depth", Obstacles(obstacles=s.obstacles))
 
     def _housekeeping(self) -> None:
         now_ns = time.monotonic_ns()

@@ -11,7 +11,7 @@ import msgspec
 from hypothesis import strategies as st
 
 from common.header import Header, InputRef
-from common.messages import CameraInfo, Image, Message, MessageError, Obstacle, Request
+from common.messages import SECTORS, CameraInfo, Image, LimiterStatus, Message, MessageError, Obstacle, Request, View
 
 int64 = st.integers(-(2**63), 2**63 - 1)
 numbers = st.floats(allow_nan=False, allow_infinity=False)
@@ -26,7 +26,7 @@ def message_types() -> list[type[Message]]:
         kind = waiting.pop()
         found.append(kind)
         waiting += kind.__subclasses__()
-    return sorted((k for k in found if k.__module__ == Message.__module__), key=lambda k: k.__name__)
+    return sorted((k for k in found if k.__module__.startswith("common.messages")), key=lambda k: k.__name__)
 
 
 def _unit(size: int) -> st.SearchStrategy[tuple[float, ...]]:
@@ -49,10 +49,37 @@ def images() -> st.SearchStrategy[Image]:
     )
 
 
+def views() -> st.SearchStrategy[View]:
+    """Views of a few cells."""
+
+    def build(columns: int, rows: int, seen: bytes, width: float, height: float, range_m: float, q: Any) -> View:
+        return View(
+            ned_q_sensor=q,
+            half_width_rad=width,
+            half_height_rad=height,
+            range_m=range_m,
+            columns=columns,
+            rows=rows,
+            seen=tuple(bool(b & 1) for b in seen[: columns * rows]),
+        )
+
+    return st.builds(
+        build,
+        st.integers(1, 4),
+        st.integers(1, 4),
+        st.binary(min_size=16, max_size=16),
+        st.floats(0.01, math.pi),
+        st.floats(0.01, math.pi / 2),
+        st.floats(0.0, 1e4),
+        _unit(4),
+    )
+
+
 # Fields whose promise is narrower than their type; a new one that is missing here fails the tests by name.
 _NARROW: dict[tuple[type[Message], str], st.SearchStrategy[Any]] = {
     (CameraInfo, "fx_px"): st.floats(1.0, 1e5),
     (CameraInfo, "fy_px"): st.floats(1.0, 1e5),
+    (LimiterStatus, "sectors_m"): st.lists(numbers, min_size=SECTORS, max_size=SECTORS).map(tuple),
     (Obstacle, "distance_m"): st.floats(0.0, 1e4),
     (Obstacle, "ned_direction"): _unit(3),
     (Request, "valid_ms"): st.floats(0.0, 10_000.0),
@@ -63,6 +90,8 @@ def messages(kind: type[Message]) -> st.SearchStrategy[Any]:
     """Valid messages of a type."""
     if kind is Image:
         return images()
+    if kind is View:
+        return views()
     fields = {}
     for field in msgspec.structs.fields(kind):
         if (kind, field.name) in _NARROW:

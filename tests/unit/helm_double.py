@@ -234,7 +234,7 @@ class Desk:
         if self.tracking is not None:
             self.feed("pursuit/track", Track(state="tracking" if self.tracking == "tracking" else "lost"))
         if self.obstacles is not None:
-            self.feed("obstacles/near", Obstacles(obstacles=tuple(self.obstacles)))
+            self.feed("obstacles/depth", Obstacles(obstacles=tuple(self.obstacles)))
         outputs = self.run.step(self.t_ns)
         for output in outputs:
             if isinstance(output.message, Setpoint):

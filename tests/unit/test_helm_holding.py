@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from common.messages import Obstacle, Request
+from common.messages import LimiterStatus, Obstacle, Obstacles, Request
 from tests.unit.helm_double import Desk
 
 
@@ -24,6 +24,22 @@ def test_the_limiter_stands_between_the_chase_and_an_obstacle():
     assert distance == pytest.approx(1.5, abs=0.3)
     assert desk.setpoints[-1].source == "pursuit"
     assert desk.status and desk.status.limiter_zone == "transition"
+
+
+def test_every_source_of_obstacles_counts_and_the_limiter_says_what_it_did():
+    for topic in ("obstacles/depth", "obstacles/people", "obstacles/circles"):
+        desk = Desk().fly().chase((2.0, 0.0, 0.0))
+        said: list[LimiterStatus] = []
+        for _ in range(300):
+            wall = Obstacle(distance_m=max(6.0 - desk.vehicle.p[0], 0.0), ned_direction=(1.0, 0.0, 0.0), label="wall")
+            desk.feed(topic, Obstacles(obstacles=(wall,)))
+            said += [o.message for o in desk.step() if isinstance(o.message, LimiterStatus)]
+        assert 0.8 < wall.distance_m < 2.0, topic
+        assert 55 <= len(said) <= 65, "ten a second"
+        assert said[-1].label == "wall" and said[-1].why == "curve" and said[-1].zone == "transition"
+        assert said[-1].allowed_m_s < 0.2 and said[-1].asked_m_s > said[-1].allowed_m_s
+        assert said[-1].sectors_m[0] == pytest.approx(wall.distance_m, abs=0.05)
+        assert said[-1].sectors_m[1:] == (-1.0,) * 71
 
 
 def _lean(north_m_s2: float, east_m_s2: float = 0.0) -> Request:

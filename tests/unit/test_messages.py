@@ -5,17 +5,18 @@ from __future__ import annotations
 import ast
 import inspect
 import math
+import sys
 from itertools import pairwise
 from typing import Any
 
 import msgspec
 import pytest
 
-from common import messages
 from common.messages import (
     CameraInfo,
     HelmStatus,
     Image,
+    LimiterStatus,
     Message,
     MessageError,
     Obstacle,
@@ -23,6 +24,7 @@ from common.messages import (
     Request,
     Track,
     VehicleState,
+    View,
 )
 from tests.property.strategies import message_types
 
@@ -64,6 +66,36 @@ def picture(**changes: Any) -> Image:
     return Image(**{**fields, **changes})
 
 
+def view(**changes: Any) -> View:
+    fields: dict[str, Any] = {
+        "ned_q_sensor": (1.0, 0.0, 0.0, 0.0),
+        "half_width_rad": math.pi,
+        "half_height_rad": 0.5,
+        "range_m": 8.0,
+        "columns": 3,
+        "rows": 2,
+        "seen": (True, False) * 3,
+    }
+    return View(**{**fields, **changes})
+
+
+def limited(**changes: Any) -> LimiterStatus:
+    fields: dict[str, Any] = {
+        "zone": "safe",
+        "distance_m": -1.0,
+        "ned_direction": (0.0, 0.0, 0.0),
+        "asked_m_s": 1.0,
+        "allowed_m_s": 1.0,
+        "why": "clear",
+        "h_min_m": 0.8,
+        "h_desired_m": 1.5,
+        "h_mid_m": 2.5,
+        "h_max_m": 6.0,
+        "sectors_m": (-1.0,) * 72,
+    }
+    return LimiterStatus(**{**fields, **changes})
+
+
 @pytest.mark.parametrize(
     "message",
     [
@@ -75,6 +107,8 @@ def picture(**changes: Any) -> Image:
         picture(encoding="jpeg", data=b"\xff\xd8\xff\xd9"),
         Obstacles(obstacles=()),
         Obstacle(distance_m=0.0, ned_direction=(0.0, 0.6, 0.8)),
+        Obstacles(obstacles=(), views=(view(),)),
+        limited(),
         Request(frame="ned", vector=(1.0, 0.0, 0.0)),
         Track(state="idle"),
     ],
@@ -104,6 +138,12 @@ def test_good_messages_pass(message: Message) -> None:
             "ned_direction: got norm 0.0000, expected a unit vector",
         ),
         (Obstacles(obstacles=(Obstacle(distance_m=math.nan, ned_direction=(0.0, 0.0, 1.0)),)), "distance_m: got nan"),
+        (view(seen=(True,) * 5), "seen: got 5 cells, expected 6 = 3 columns x 2 rows"),
+        (view(half_width_rad=3.2), "half_width_rad: got 3.2, expected 0.001 to 3.14"),
+        (view(ned_q_sensor=(0.0, 0.0, 0.0, 0.0)), "ned_q_sensor: got norm 0.0000"),
+        (Obstacles(obstacles=(), views=(view(columns=0, seen=()),)), "columns: got 0, expected 1 to 1024"),
+        (limited(sectors_m=(1.0,) * 71), "sectors_m: got 71 sectors, expected 72"),
+        (limited(sectors_m=(math.inf,) * 72), "sectors_m: got inf"),
         (Request(frame="ned", vector=(1.0, 0.0, -math.inf)), "vector: got -inf"),
         (Request(frame="ned", vector=(1.0, 0.0, 0.0), valid_ms=-1.0), "valid_ms: got -1.0, expected 0.0 to 10000.0"),
     ],
@@ -170,7 +210,7 @@ def test_defaults_are_not_shared() -> None:
 
 @pytest.mark.parametrize("kind", message_types(), ids=lambda k: k.__name__)
 def test_every_field_is_documented_and_typed_for_the_wire(kind: type[Message]) -> None:
-    tree = ast.parse(inspect.getsource(messages))
+    tree = ast.parse(inspect.getsource(sys.modules[kind.__module__]))
     body = next(n.body for n in tree.body if isinstance(n, ast.ClassDef) and n.name == kind.__name__)
     documented = {
         item.target.id

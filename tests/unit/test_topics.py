@@ -97,9 +97,10 @@ def test_no_stream_has_two_writers_and_every_input_has_one() -> None:
     read = {topic for node in nodes.values() for topic in node.inputs}
 
     assert len(writers) == len(set(writers))
-    # Health is written by the framework, the session by the vehicle's router, the other two by what users bring:
-    # a sensor of obstacles, a stick.
-    from_elsewhere = {"session", "obstacles/near", "helm/request/operator"}
+    # Health is written by the framework, the session by the vehicle's router, the others by what users bring:
+    # sensors of obstacles, a stick.
+    obstacles = {"obstacles/depth", "obstacles/people", "obstacles/circles"}
+    from_elsewhere = {"session", "helm/request/operator", *obstacles}
     assert {t for t in read - set(writers) if not t.startswith("health/")} <= from_elsewhere
 
 

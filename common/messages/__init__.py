@@ -8,53 +8,14 @@ named first (`ned_q_body` turns a body vector into NED).
 
 from __future__ import annotations
 
-import math
-from typing import Any, Literal
+from typing import Literal
 
-import msgspec
-
-Vec2 = tuple[float, float]
-Vec3 = tuple[float, float, float]
-Quat = tuple[float, float, float, float]
-
-
-class MessageError(ValueError):
-    """A message whose content is refused; the text says what was got and what was expected."""
-
-
-class Message(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Base of all messages: immutable, unknown fields refused, numbers finite."""
-
-    def check(self) -> None:
-        """Raise MessageError when a value is outside what the field docs promise (here: a number is not finite)."""
-        for name in self.__struct_fields__:
-            _check_finite(name, getattr(self, name))
-
-
-def _check_finite(name: str, value: Any) -> None:
-    if isinstance(value, float):
-        if not math.isfinite(value):
-            raise MessageError(f"{name}: got {value}, expected a finite number")
-    elif isinstance(value, (tuple, list)):
-        for item in value:
-            _check_finite(name, item)
-    elif isinstance(value, dict):
-        for key, item in value.items():
-            _check_finite(f"{name}.{key}", item)
-    elif isinstance(value, Message):
-        value.check()
-
-
-def _check_quaternion(name: str, quat: Quat) -> None:
-    norm = math.sqrt(sum(c * c for c in quat))
-    if abs(norm - 1.0) > 1e-2:
-        raise MessageError(f"{name}: got norm {norm:.4f}, expected a unit quaternion")
-
-
-def _check_range(name: str, value: float, low: float, high: float) -> None:
-    if not low <= value <= high:
-        raise MessageError(f"{name}: got {value}, expected {low} to {high}")
-
+from common.messages.base import Message, MessageError, Quat, Vec2, Vec3, check_quaternion, check_range
+from common.messages.obstacles import SECTORS as SECTORS
+from common.messages.obstacles import LimiterStatus as LimiterStatus
+from common.messages.obstacles import Obstacle as Obstacle
+from common.messages.obstacles import Obstacles as Obstacles
+from common.messages.obstacles import View as View
 
 # ---------------------------------------------------------------- pictures
 
@@ -77,8 +38,8 @@ class Image(Message, frozen=True, kw_only=True):
 
     def check(self) -> None:
         """Refuse what the field docs rule out."""
-        _check_range("width", self.width, 1, 16384)
-        _check_range("height", self.height, 1, 16384)
+        check_range("width", self.width, 1, 16384)
+        check_range("height", self.height, 1, 16384)
         if self.encoding == "jpeg":
             if not (self.data[:2] == b"\xff\xd8" and self.data[-2:] == b"\xff\xd9"):
                 raise MessageError(f"data: got {len(self.data)} bytes that are no whole JPEG, expected SOI and EOI")
@@ -122,9 +83,9 @@ class CameraInfo(Message, frozen=True, kw_only=True):
     def check(self) -> None:
         """Refuse what the field docs rule out."""
         super().check()
-        _check_quaternion("body_q_camera", self.body_q_camera)
+        check_quaternion("body_q_camera", self.body_q_camera)
         for name in ("fx_px", "fy_px"):
-            _check_range(name, getattr(self, name), 1.0, 1e5)
+            check_range(name, getattr(self, name), 1.0, 1e5)
 
 
 # ---------------------------------------------------------------- the vehicle
@@ -153,7 +114,7 @@ class VehicleState(Message, frozen=True, kw_only=True):
     def check(self) -> None:
         """Refuse what the field docs rule out."""
         super().check()
-        _check_quaternion("ned_q_body", self.ned_q_body)
+        check_quaternion("ned_q_body", self.ned_q_body)
 
 
 class Setpoint(Message, frozen=True, kw_only=True):
@@ -236,33 +197,7 @@ class Request(Message, frozen=True, kw_only=True):
     def check(self) -> None:
         """Refuse what the field docs rule out."""
         super().check()
-        _check_range("valid_ms", self.valid_ms, 0.0, 10_000.0)
-
-
-class Obstacle(Message, frozen=True, kw_only=True):
-    """An obstacle near the vehicle."""
-
-    distance_m: float
-    """Distance from the vehicle's centre to the nearest point, m."""
-    ned_direction: Vec3
-    """Unit vector from the vehicle to that point, NED."""
-    ned_v_m_s: Vec3 = (0.0, 0.0, 0.0)
-    """Velocity of the obstacle, NED, m/s."""
-
-    def check(self) -> None:
-        """Refuse what the field docs rule out."""
-        super().check()
-        _check_range("distance_m", self.distance_m, 0.0, 1e4)
-        norm = math.sqrt(sum(c * c for c in self.ned_direction))
-        if abs(norm - 1.0) > 1e-2:
-            raise MessageError(f"ned_direction: got norm {norm:.4f}, expected a unit vector")
-
-
-class Obstacles(Message, frozen=True, kw_only=True):
-    """All obstacles that a source sees at its capture time; an empty list says that the view is free."""
-
-    obstacles: tuple[Obstacle, ...]
-    """The obstacles, in no order."""
+        check_range("valid_ms", self.valid_ms, 0.0, 10_000.0)
 
 
 # ---------------------------------------------------------------- the chase
