@@ -7,7 +7,7 @@ import logging
 import sys
 from collections.abc import Sequence
 
-from common import topics, track_command
+from common import stick_command, topics, track_command
 from common.bus import Bus
 from common.cli_parser import make_parser
 from common.config import ConfigError, load_object
@@ -42,9 +42,12 @@ def _run_node(args: argparse.Namespace) -> int:
 
 
 def _run_do(args: argparse.Namespace) -> int:
+    if args.command == stick_command.NAME:
+        return _run_stick(args)
     commands = {name.split("/")[-1]: name for name in topics.COMMANDS}
     if args.command not in commands:
-        raise ConfigError(f"do: got {args.command!r}, expected one of: {', '.join(commands)}")
+        known = ", ".join([*commands, stick_command.NAME])
+        raise ConfigError(f"do: got {args.command!r}, expected one of: {known}")
     box = None
     if args.box:
         try:
@@ -56,6 +59,12 @@ def _run_do(args: argparse.Namespace) -> int:
         reply = bus.query(commands[args.command], Command(box_px=box, height_m=args.height, operator="command line"))
     print(f"{args.command}: {reply.outcome}" + (f": {reply.reason}" if reply.reason else ""))
     return 0 if reply.outcome == "done" else 1
+
+
+def _run_stick(args: argparse.Namespace) -> int:
+    push = stick_command.push_of(args)  # refuses what is bad before anything is waited for
+    with Bus(load_config(args.config, args.overrides).section(BusConfig), args.side, "cli", wait_s=3.0) as bus:
+        return stick_command.hold(bus, push)
 
 
 def _run_topics(args: argparse.Namespace) -> int:
@@ -116,6 +125,7 @@ _ACTIONS = {
     "ground": _run_side,
     "node": _run_node,
     "do": _run_do,
+    "stick": _run_stick,
     "topics": _run_topics,
     "preflight": _run_preflight,
     "doctor": _run_doctor,

@@ -6,7 +6,7 @@ import argparse
 import contextlib
 import math
 
-from common import __version__, topics, track_command
+from common import __version__, stick_command, topics, track_command
 from common.keys_options import add_keys
 from common.pose_options import add_pose
 from common.processes import PROCESSES, side_processes
@@ -67,6 +67,7 @@ def make_parser() -> argparse.ArgumentParser:
     node.add_argument("--source", metavar="PATH", help="camera: as for `onboard`")
 
     _add_do(sub)
+    _add_config(stick_command.add(sub))
     _add_topics(sub)
     _add_preflight(sub)
     _add_doctor(sub)
@@ -89,12 +90,14 @@ def _add_do(sub: argparse._SubParsersAction) -> None:
         "do",
         help="Give the vehicle a command, as the console's buttons do",
         description="Give a command and print the reply; exit code 0 when done, 1 otherwise.",
-        epilog="\n".join(f"  {c.name.split('/')[-1]:10} {c.doc}" for c in topics.COMMANDS.values()),
+        epilog="\n".join(f"  {c.name.split('/')[-1]:10} {c.doc}" for c in topics.COMMANDS.values())
+        + f"\n  {stick_command.NAME:10} {stick_command.DOC}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     do.add_argument("command", metavar="COMMAND", help="see below")
     do.add_argument("box", nargs="?", metavar="X,Y,W,H", help="select: the target's box in the picture, px")
     do.add_argument("--height", type=float, metavar="M", help="takeoff: height above home, m")
+    stick_command.add_options(do)
     do.add_argument("--side", choices=("onboard", "ground"), default="ground", help="whose router to use")
     _add_config(do)
 

@@ -44,6 +44,14 @@ class ConsoleConfig(Section, frozen=True, kw_only=True):
     """Age of the newest picture above which the operator is alarmed, ms. It is marked as old well before."""
     takeoff_height_m: Annotated[float, msgspec.Meta(ge=1, le=30)] = 5.0
     """Height that the page offers for the take-off, m above home, 1 to 30; helm has limits of its own."""
+    stick_speed_m_s: Positive = 1.0
+    """Speed at full deflection of the stick that the page begins with, m/s."""
+    stick_speed_max_m_s: Positive = 3.0
+    """Greatest speed that the page offers, m/s; helm's containment and limiter have the last word."""
+    stick_climb_m_s: Positive = 0.7
+    """Climb and sink rate at full deflection, m/s."""
+    stick_turn_rad_s: Positive = 0.6
+    """Heading rate at full deflection, rad/s."""
     battery_low_fraction: Fraction = 0.3
     """Remaining charge below which the operator is told to return, 0 to 1."""
     battery_empty_fraction: Fraction = 0.15
@@ -58,12 +66,17 @@ class ConsoleConfig(Section, frozen=True, kw_only=True):
     """Nodes whose absence is an alarm."""
 
     def check(self) -> None:
-        """Refuse a console open to others, thresholds in the wrong order, and essential nodes that are not shown."""
+        """Refuse a console open to others, values in the wrong order, and essential nodes that are not shown."""
         self._check_access()
         if self.battery_empty_fraction > self.battery_low_fraction:
             raise ConfigError(
                 f"battery_empty_fraction: got {self.battery_empty_fraction}, expected at most "
                 f"battery_low_fraction = {self.battery_low_fraction}"
+            )
+        if self.stick_speed_m_s > self.stick_speed_max_m_s:
+            raise ConfigError(
+                f"stick_speed_m_s: got {self.stick_speed_m_s}, expected at most "
+                f"stick_speed_max_m_s = {self.stick_speed_max_m_s}"
             )
         for name in self.nodes:
             if not name or "/" in name:

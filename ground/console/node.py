@@ -8,6 +8,7 @@ from collections.abc import Iterable
 import viser
 
 from common.config import Config
+from common.messages import VehicleState
 from common.node import Inputs, Node, On, Output
 from common.session import BusConfig
 from ground.console.commands import SELECT, Commander
@@ -17,7 +18,9 @@ from ground.console.pictures import PictureBoard
 from ground.console.plot import ErrorHistory
 from ground.console.scene import SceneView
 from ground.console.server import open_server
-from ground.console.snapshot import PICTURE, TRACK, Collector, Snapshot
+from ground.console.snapshot import PICTURE, STATE, STATUS, TRACK, Collector, Snapshot
+from ground.console.stick import Stick
+from ground.console.stick_link import StickLink
 from ground.console.watch import LifeWatch
 
 _RATE_WINDOW_NS = 3_000_000_000
@@ -34,7 +37,8 @@ class ConsoleNode(Node):
         ConfigError: the address cannot be used or the port is taken.
     """
 
-    trigger = On((PICTURE, TRACK), at_least_every_s=0.1)
+    outputs = ("helm/request/operator",)
+    trigger = On((PICTURE, TRACK), at_least_every_s=0.05)
 
     def __init__(self, config: Config, name: str):
         super().__init__(config, name)
@@ -44,7 +48,10 @@ class ConsoleNode(Node):
         self._history = ErrorHistory(settings.history_s)
         self._arrivals_ns: deque[int] = deque()
         self._snapshot: Snapshot | None = None
-        self._server = open_server(settings, f"Outrider · {config.section(BusConfig).vehicle}")
+        self._stick = Stick()
+        self._stick_link = StickLink(self._stick)
+        label = f"Outrider · {config.section(BusConfig).vehicle}"
+        self._server = open_server(settings, label, (self._stick_link,))
         self._commander = Commander(lambda command, argument: self.query(command, argument))
         self._page = Page(self._server, settings, self._commander)
         self._scene = SceneView(self._server, settings)
@@ -59,11 +66,12 @@ class ConsoleNode(Node):
         self._watch.start()
 
     def step(self, inputs: Inputs, t_ns: int) -> Iterable[Output]:
-        """Take over what is new; draw what is due, for those who look."""
+        """Take over what is new; ask for what the stick asks for; draw what is due, for those who look."""
         self._collector.collect(inputs)
         self._count_pictures(t_ns)
         view = self._collector.snapshot(inputs, t_ns, self._watch.alive)
         self._snapshot = view
+        request = self._stick_request(inputs, view)
         self._history.add(view)
         self._scene.note(view, self._collector)
         viewers = self._board.viewers
@@ -72,11 +80,26 @@ class ConsoleNode(Node):
             self._page.update(view, self._history, len(self._arrivals_ns) / (_RATE_WINDOW_NS / 1e9))
             if not all(viewer.shows_picture for viewer in viewers):
                 self._scene.update(view, self._collector)
-        return ()
+        return () if request is None else (request,)
+
+    def _stick_request(self, inputs: Inputs, view: Snapshot) -> Output | None:
+        """What the stick asks for, stamped with the vehicle's clock when the operator's page said so."""
+        self._stick_link.helm = stick_words(view)
+        asked = self._stick.ask(view.t_ns, self._page.stick_speeds)
+        state = inputs.latest(STATE, VehicleState)
+        if asked is None or state is None:
+            return None
+        # The newest state came a little after the page spoke, or before; what the operator saw is no newer than that.
+        basis_ns = state.header.capture_ns - max(0, state.received_ns - asked.heard_ns)
+        return Output("helm/request/operator", asked.request, basis_ns)
 
     def metrics(self) -> dict[str, float]:
-        """Browsers, and pictures sent to them."""
-        return {"browsers": float(len(self._board.viewers)), "pictures_sent": float(self._board.sent)}
+        """Browsers, pictures sent to them, and pages that hold the stick."""
+        return {
+            "browsers": float(len(self._board.viewers)),
+            "pictures_sent": float(self._board.sent),
+            "sticks": float(self._stick.hands),
+        }
 
     def close(self) -> None:
         """End the page."""
@@ -103,3 +126,15 @@ class ConsoleNode(Node):
             else:
                 self._board.show_picture(viewer)
                 button.label, button.icon = "Show 3-D view", viser.Icon.CUBE
+
+
+def stick_words(view: Snapshot) -> str:
+    """What helm makes of the stick now, in words for who holds it."""
+    status = view.status
+    if status is None or not view.fresh(STATUS):
+        return "no word from helm: the stick does nothing"
+    if status.state == "operator":
+        return "flying by your stick"
+    if status.state in ("hold", "pursuit", "approach", "returning"):
+        return f"ready (helm: {status.state}); move to fly"
+    return f"helm is {status.state}: the stick does nothing"

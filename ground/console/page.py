@@ -33,6 +33,8 @@ from ground.console.commands import (
 from ground.console.config import ConsoleConfig
 from ground.console.plot import ErrorHistory, ErrorPlot
 from ground.console.snapshot import STATUS, Snapshot
+from ground.console.stick import Speeds
+from ground.console.stick_page import FRAME
 from ground.console.style import style_html
 
 _WIDTH_PX = 330
@@ -111,6 +113,14 @@ class Page:
         self._height = gui.add_slider(
             "Take-off height, m", min=1.0, max=30.0, step=0.5, initial_value=config.takeoff_height_m
         )
+        self._stick_speed = gui.add_slider(
+            "Stick speed, m/s",
+            min=0.1,
+            max=config.stick_speed_max_m_s,
+            step=0.1,
+            initial_value=config.stick_speed_m_s,
+        )
+        gui.add_html(FRAME)
         last_text = gui.add_html(last_html(None, 0))
         tabs = gui.add_tab_group()
         with tabs.add_tab("Target"):
@@ -134,6 +144,12 @@ class Page:
             watchdog=gui.add_html(""),
         )
         style.content = style_html({self._buttons[a.label]._impl.uuid: a.look for a in BUTTONS}, _WIDTH_PX)
+
+    @property
+    def stick_speeds(self) -> Speeds:
+        """What the stick asks for at full deflection."""
+        config = self._config
+        return Speeds(float(self._stick_speed.value), config.stick_climb_m_s, config.stick_turn_rad_s)
 
     def add_view_button(self, client: viser.ClientHandle) -> viser.GuiButtonHandle:
         """A button of one browser's own, to switch between picture and 3-D view."""

@@ -6,10 +6,10 @@ import logging
 import socket
 import ssl
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from inspect import isawaitable
-from typing import Any
+from typing import Any, Protocol
 
 import rich
 import viser
@@ -34,12 +34,30 @@ class PageServer(viser.ViserServer):
         return None
 
 
-def open_server(config: ConsoleConfig, label: str) -> PageServer:
+class OwnPage(Protocol):
+    """A page of ours beside the library's, with a socket at the same address."""
+
+    path: str
+    """Its address."""
+    frames: str
+    """Which pages may frame it (`X-Frame-Options`)."""
+
+    def page(self) -> Response:
+        """The page."""
+        ...
+
+    async def talk(self, connection: ServerConnection) -> None:
+        """Serve one socket until it closes; runs in the server's thread."""
+        ...
+
+
+def open_server(config: ConsoleConfig, label: str, own: Sequence[OwnPage] = ()) -> PageServer:
     """Running server on the configured address.
 
     Args:
         config: host and port.
         label: title of the panel.
+        own: further pages, behind the same gate.
 
     Raises:
         ConfigError: the address is not one of this machine, the port is taken, or the password file or the
@@ -56,7 +74,7 @@ def open_server(config: ConsoleConfig, label: str) -> PageServer:
     rich.get_console().quiet = True
     # A browser that leaves while its picture is being drawn is no fault.
     warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")
-    with _gate_before_every_request(gate, tls):
+    with _gate_before_every_request(gate, tls, {page.path: page for page in own}):
         server = PageServer(host=config.host, port=config.port, label=label, verbose=False)
     if server.get_port() != config.port:  # it moves on to the next port by itself
         server.stop()
@@ -72,11 +90,11 @@ def open_server(config: ConsoleConfig, label: str) -> PageServer:
 
 
 @contextmanager
-def _gate_before_every_request(gate: Gate, tls: ssl.SSLContext | None) -> Iterator[None]:
-    """While it lasts, a server that the library opens asks the gate first, and speaks TLS.
+def _gate_before_every_request(gate: Gate, tls: ssl.SSLContext | None, own: Mapping[str, OwnPage]) -> Iterator[None]:
+    """While it lasts, a server that the library opens asks the gate first, speaks TLS, and has our own pages as well.
 
-    The library has no hook for either: it hands its own `process_request` to `websockets.asyncio.server.serve`, which
-    it looks up at the moment of opening. This is the one place that relies on it.
+    The library has no hook for any of it: it hands its own `process_request` to `websockets.asyncio.server.serve`,
+    which it looks up at the moment of opening. This is the one place that relies on it.
 
     Raises:
         ConfigError: this version of viser opened its server in another way, which would leave the console open.
@@ -84,20 +102,29 @@ def _gate_before_every_request(gate: Gate, tls: ssl.SSLContext | None) -> Iterat
     serve: Callable[..., Any] = websockets.asyncio.server.serve
     guarded = False
 
-    def open_guarded(*arguments: Any, process_request: Callable[..., Any], **options: Any) -> Any:
+    def open_guarded(
+        handler: Callable[..., Any], *arguments: Any, process_request: Callable[..., Any], **options: Any
+    ) -> Any:
         nonlocal guarded
 
         async def ask_first(connection: ServerConnection, request: Request) -> Response | None:
             answer = await gate.refuse(connection, request)
-            if answer is None:
+            page = own.get(_path(request))
+            if answer is None and page is not None and "Upgrade" not in request.headers:
+                answer = page.page()
+            elif answer is None and page is None:
                 answer = process_request(connection, request)
                 answer = await answer if isawaitable(answer) else answer
-            if answer is not None:
-                answer.headers["X-Frame-Options"] = "DENY"  # no other page may lay itself over the buttons
+            if answer is not None:  # no other page may lay itself over the buttons
+                answer.headers["X-Frame-Options"] = "DENY" if page is None else page.frames
             return answer
 
+        async def talk(connection: ServerConnection) -> None:
+            page = None if connection.request is None else own.get(_path(connection.request))
+            await (handler if page is None else page.talk)(connection)
+
         guarded = True
-        return serve(*arguments, process_request=ask_first, ssl=tls, **options)
+        return serve(talk, *arguments, process_request=ask_first, ssl=tls, **options)
 
     websockets.asyncio.server.serve = open_guarded  # type: ignore[assignment,misc]
     try:
@@ -109,6 +136,10 @@ def _gate_before_every_request(gate: Gate, tls: ssl.SSLContext | None) -> Iterat
             f"console: viser {viser.__version__} opens its server in a way that Outrider does not know, so nothing "
             f"would check who connects; install viser 1.1"
         )
+
+
+def _path(request: Request) -> str:
+    return request.path.partition("?")[0]
 
 
 def _tls(config: ConsoleConfig) -> ssl.SSLContext | None:

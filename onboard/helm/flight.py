@@ -15,7 +15,7 @@ from onboard.helm.machine import Engagement, Machine, presence
 from onboard.helm.orders import Orders
 from onboard.helm.pilot import Flown, Pilot, homing
 from onboard.helm.seen import Seen
-from onboard.helm.states import Event, State, in_control
+from onboard.helm.states import Event, State, accepts, in_control
 from onboard.helm.takeoff import Takeoff
 from onboard.helm.telemetry import Telemetry
 from onboard.limiter.config import LimiterConfig
@@ -28,6 +28,7 @@ _LAND_WITHIN_S = 4.0
 _TAKEOFF_NEAR_M = 1.0
 _PARAMETERS_AGAIN_S = 5.0
 _STICK_DEADBAND = 1e-3
+_STICK_STATES = accepts(Event.STICK)
 _LOSS_EVENTS = {"return": Event.LINK_LOST_RETURN, "land": Event.LINK_LOST_LAND, "hover": Event.LINK_LOST_HOVER}
 
 
@@ -253,28 +254,32 @@ class Flight:
     def _decide(self, seen: Seen, t_ns: int) -> None:
         """Arbitrate, and take the transitions that requests (or their absence) call for."""
         telemetry, state = seen.telemetry, self.state
-        if state is State.RETURNING and telemetry.position is not None:
+        self.verdict = self._arbitrate(seen, t_ns)
+        if self.verdict.source == "operator":
+            if state is not State.OPERATOR:
+                self.fire(Event.STICK, "the operator has the stick", telemetry, t_ns)
+        elif state is State.RETURNING and telemetry.position is not None:
             self.verdict, home = homing(
                 telemetry.ned_p_m() or (0.0, 0.0, 0.0), telemetry.position.ned_v_m_s, self.config
             )
             if home:
                 self.fire(Event.HOME_REACHED, "home reached, landing", telemetry, t_ns)
-            return
-        candidates = []
-        ranks = state is State.OPERATOR or (state in (State.HOLD, State.PURSUIT) and _moves(seen.operator))
-        if seen.operator is not None and ranks:
-            candidates.append(seen.operator)
-        if seen.pursuit is not None and state is State.PURSUIT:
-            candidates.append(seen.pursuit)
-        yaw_rad = telemetry.attitude.yaw_rad if telemetry.attitude else math.nan
-        self.verdict = arbitrate(candidates, t_ns, yaw_rad, self.config.freshness_s)
-        if self.verdict.source == "operator":
-            if state is not State.OPERATOR:
-                self.fire(Event.STICK, "the operator has the stick", telemetry, t_ns)
         elif state is State.OPERATOR:
             self.fire(Event.STICK_RELEASED, "the operator let go, hovering; `chase` resumes a chase", telemetry, t_ns)
         elif state is State.PURSUIT:
             self._watch_chase(seen, t_ns)
+
+    def _arbitrate(self, seen: Seen, t_ns: int) -> Verdict:
+        """Operator over task; a stick at rest ends nothing that is under way."""
+        state, candidates = self.state, []
+        if seen.operator is not None and (
+            state is State.OPERATOR or (state in _STICK_STATES and _moves(seen.operator))
+        ):
+            candidates.append(seen.operator)
+        if seen.pursuit is not None and state is State.PURSUIT:
+            candidates.append(seen.pursuit)
+        attitude = seen.telemetry.attitude
+        return arbitrate(candidates, t_ns, attitude.yaw_rad if attitude else math.nan, self.config.freshness_s)
 
     def _watch_chase(self, seen: Seen, t_ns: int) -> None:
         """Hover at once without a request; after the configured time, what the configuration says."""

@@ -95,6 +95,7 @@ def _table() -> dict[tuple[State, Event], State]:
         (_S.OPERATOR, _E.STICK_RELEASED): _S.HOLD,
         (_S.OPERATOR, _E.CHASE): _S.PURSUIT,
         (_S.RETURNING, _E.HOME_REACHED): _S.LANDING,
+        (_S.RETURNING, _E.STICK): _S.OPERATOR,
         (_S.LANDING, _E.HOLD): _S.ENGAGING,
         (_S.LANDING, _E.LAND_FAILED): _S.ENGAGING,
         (_S.YIELDED, _E.ENGAGE): _S.ENGAGING,

@@ -192,6 +192,7 @@ def vehicle(long_lived_vehicle: ScriptedVehicle) -> ScriptedVehicle:
     """The scripted vehicle with its script at the beginning and no commands noted."""
     long_lived_vehicle.script = Script()
     long_lived_vehicle.commands.clear()
+    long_lived_vehicle.requests.clear()
     return long_lived_vehicle
 
 

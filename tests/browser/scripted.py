@@ -16,6 +16,7 @@ from common.bus import Bus, Query
 from common.geometry.camera import Camera
 from common.geometry.config import CameraConfig
 from common.geometry.rotation import as_quat, quat_from_euler
+from common.header import Received
 from common.messages import (
     Command,
     Health,
@@ -25,6 +26,7 @@ from common.messages import (
     Obstacles,
     PreflightItem,
     Reply,
+    Request,
     Session,
     Setpoint,
     Track,
@@ -103,6 +105,9 @@ class ScriptedVehicle:
         self._buses = {name: Bus(bus_config, "onboard", name) for name in NODES}
         for bus in self._buses.values():
             bus.announce()
+        self.requests: list[Received[Request]] = []
+        """What came as requests of the operator."""
+        self._buses["helm"].subscribe("helm/request/operator", self.requests.append)
         for name in COMMANDS:
             self._buses["helm"].serve(name, self._answer)
         self.camera = CameraConfig().camera()

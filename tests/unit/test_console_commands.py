@@ -173,7 +173,7 @@ def test_node_serves_its_page_on_the_given_address_alone_and_steps_without_a_bro
         listeners = [line.split()[1] for line in _tcp_listeners() if line.split()[1].endswith(f":{port:04X}")]
         assert listeners == [f"0100007F:{port:04X}"]
         assert ScriptedRun(node).step(time.monotonic_ns()) == []
-        assert node.metrics() == {"browsers": 0.0, "pictures_sent": 0.0}
+        assert node.metrics() == {"browsers": 0.0, "pictures_sent": 0.0, "sticks": 0.0}
     finally:
         node.close()
 

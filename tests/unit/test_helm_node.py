@@ -156,6 +156,21 @@ def test_the_operator_takes_over_and_lets_go_into_hold():
     assert desk.state == "hold"
 
 
+def test_the_operator_takes_over_on_the_way_home():
+    desk = Desk().fly().chase((1.5, 0.0, 0.0))
+    desk.go(6.0)
+    desk.call("return")
+    desk.operator = Request(frame="heading", vector=(0.0, 0.0, 0.0))
+    desk.go(1.0)
+    assert desk.state == "returning", "a stick at rest lets it fly home"
+    desk.operator = Request(frame="heading", vector=(0.0, 0.8, 0.0))
+    desk.go(2.0)
+    assert (desk.state, desk.setpoints[-1].source) == ("operator", "operator")
+    desk.operator = None
+    desk.go(0.5)
+    assert desk.state == "hold"
+
+
 def test_a_stick_at_rest_does_not_end_a_chase():
     desk = Desk().fly().chase()
     desk.operator = Request(frame="heading", vector=(0.0, 0.0, 0.0))
