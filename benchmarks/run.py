@@ -6,13 +6,20 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks import autopilot, chase, latency, pursuit, pursuit_speed
+from benchmarks import autopilot, chase, latency, people_speed, pursuit, pursuit_speed
 from benchmarks.base import Benchmark, Outcome, Settings, as_json
 from common.config import ConfigError, unknown_key_text
 
 BENCHMARKS: dict[str, Benchmark] = {
     b.name: b
-    for b in (latency.BENCHMARK, chase.BENCHMARK, pursuit.BENCHMARK, pursuit_speed.BENCHMARK, autopilot.BENCHMARK)
+    for b in (
+        latency.BENCHMARK,
+        chase.BENCHMARK,
+        pursuit.BENCHMARK,
+        pursuit_speed.BENCHMARK,
+        people_speed.BENCHMARK,
+        autopilot.BENCHMARK,
+    )
 }
 _RESULTS = Path("benchmarks/results")
 

@@ -1,0 +1,81 @@
+"""Settings of the search for people."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+
+from common.config import ConfigError, Fraction, Positive, Section
+
+
+class FloorConfig(Section, frozen=True, kw_only=True):
+    """Floor removal (Al-Kaff 2019, section 4.1)."""
+
+    tilt_deg: Annotated[float, msgspec.Meta(gt=0, lt=90)] = 15.0
+    """Largest angle between the floor and the plane across the camera's axis, deg (the paper's epsilon); when the
+    attitude is known, between the floor and the horizontal."""
+    band_m: Positive = 0.10
+    """Points this close to a plane vote for it, m (the paper's d), and no point farther away counts as floor."""
+    least_band_m: Positive = 0.05
+    """Points this close to the floor always count as floor, m. Between the two bounds the band is three standard
+    deviations of the floor's own points, so that a clean picture keeps the legs of a person who lies."""
+    hypotheses: Annotated[int, msgspec.Meta(ge=1, le=10_000)] = 200
+    """Planes through three points that RANSAC tries."""
+    votes: Annotated[int, msgspec.Meta(ge=50, le=100_000)] = 1500
+    """Points that vote on each plane; the refinement uses all points."""
+    least_share: Fraction = 0.2
+    """Share of all points that a floor must hold."""
+    nearest_m: Positive = 0.4
+    """Depths below this are the vehicle itself or noise, m."""
+    farthest_m: Positive = 14.0
+    """Depths above this are left out, m; a Kinect v2 ends at 8 m by itself."""
+    spacing_m: Positive = 0.06
+    """Wanted distance between neighbouring points on the floor, m: sets the stride over the depth picture."""
+
+    def check(self) -> None:
+        """Refuse bounds that are the wrong way round."""
+        if self.least_band_m > self.band_m:
+            raise ConfigError(f"least_band_m: got {self.least_band_m}, expected at most band_m ({self.band_m})")
+        if self.nearest_m >= self.farthest_m:
+            raise ConfigError(f"nearest_m: got {self.nearest_m}, expected less than farthest_m ({self.farthest_m})")
+
+
+class ClusterConfig(Section, frozen=True, kw_only=True):
+    """Clusters above the floor, and which of them may be a person (Al-Kaff 2019, section 4.1).
+
+    The paper's limits are point counts at one height. These are lengths and areas, which do not change with it.
+    """
+
+    radius_m: Positive = 0.13
+    """Points closer than this belong together, m, measured across the rays at the floor's distance."""
+    radius_spacings: Positive = 2.2
+    """The radius is at least so many times the distance between neighbouring points on the floor."""
+    range_weight: Positive = 0.2
+    """What a difference in depth counts against the same difference across the rays: a camera above sees a shoulder and
+    the knee below it side by side, and nothing between them."""
+    neighbours: Annotated[int, msgspec.Meta(ge=1, le=100)] = 4
+    """A point with fewer points than this (itself included) within the radius joins no two clusters: flying pixels."""
+    least_length_m: Positive = 0.45
+    """Shortest longest side of a person, of whom half may be outside the picture, m."""
+    most_length_m: Positive = 2.35
+    """Longest side of a person, arms stretched, m."""
+    most_height_m: Positive = 3.0
+    """Greatest height of a person's highest point above the floor, m: a jump is included."""
+    least_area_m2: Positive = 0.05
+    """Least area of a person seen from the camera, m²."""
+    most_area_m2: Positive = 1.0
+    """Largest area of one person seen from the camera, m²; what is larger is split where it can be."""
+    split_depth_m: Positive = 0.07
+    """Parts that are to be people of their own have to stand out of what joins them by this much, m."""
+
+    def check(self) -> None:
+        """Refuse limits that are the wrong way round."""
+        if self.least_length_m >= self.most_length_m:
+            raise ConfigError(
+                f"least_length_m: got {self.least_length_m}, expected less than most_length_m ({self.most_length_m})"
+            )
+        if self.least_area_m2 >= self.most_area_m2:
+            raise ConfigError(
+                f"least_area_m2: got {self.least_area_m2}, expected less than most_area_m2 ({self.most_area_m2})"
+            )
