@@ -25,11 +25,10 @@ from benchmarks.episode import Episode
 from common.config import ConfigError
 from common.processes import load_config
 from simulation.demo.report import Criteria
+from simulation.world.path_config import PathConfig, WaypointConfig
 from simulation.world.scenario import (
     OccluderConfig,
-    PathConfig,
     ScenarioConfig,
-    WaypointConfig,
     load_scenario,
 )
 

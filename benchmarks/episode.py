@@ -21,9 +21,9 @@ import numpy as np
 from common.config import Config
 from common.geometry.config import CamerasConfig
 from common.geometry.rotation import euler_from_quat, quat_rotate, wrap_angle
-from common.messages import Truth
 from common.tracking.base import Tracker
 from common.tracking.registry import make_tracker
+from common.truth import Truth
 from ground.pursuit.config import PursuitConfig
 from ground.pursuit.node import request_of
 from ground.pursuit.pursuer import Pursued, Pursuer
@@ -84,7 +84,7 @@ class Episode:
         self.trace = Trace()
         self._camera = config.section(CamerasConfig).down.camera()
         world = msgspec.structs.replace(config.section(WorldConfig), seed=seed)
-        self._stage = Stage(world, msgspec.structs.replace(scenario, seed=seed), self._camera)
+        self._stage = Stage(world, msgspec.structs.replace(scenario, seed=seed), config.section(CamerasConfig))
         autopilot = msgspec.structs.replace(config.section(AutopilotSimConfig), seed=seed, clock_rate=1.0)
         self._vehicle = SimulatedVehicle(autopilot)
         section = msgspec.structs.replace(config.section(PursuitConfig), seed=seed)

@@ -8,14 +8,13 @@ import msgspec
 import numpy as np
 
 from benchmarks.chase import paint
+from simulation.world.path_config import PathConfig, WaypointConfig
 from simulation.world.scenario import (
     CarConfig,
     OccluderConfig,
-    PathConfig,
     RadioConfig,
     ScenarioConfig,
     SensorConfig,
-    WaypointConfig,
 )
 
 Point = tuple[float, float]

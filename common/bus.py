@@ -57,15 +57,22 @@ class Subscription:
         self._subscriber = session.declare_subscriber(
             topics.key(vehicle, topic.name), zenoh.handlers.RingChannel(depth)
         )
+        # The thread waits at the ring, not at the subscriber, which could not be undeclared meanwhile.
+        self._ring = self._subscriber.handler
         self.thread = threading.Thread(target=self._read, name=f"read {topic.name}", daemon=True)
-        """Ends when the session is closed."""
+        """Ends when this or the session is closed."""
         self.thread.start()
+
+    def close(self) -> None:
+        """Stop reading; what is still in the ring is dropped."""
+        with contextlib.suppress(zenoh.ZError):
+            self._subscriber.undeclare()
 
     def _read(self) -> None:
         while True:
             try:
-                sample = self._subscriber.recv()
-            except Exception:  # noqa: BLE001 — the binding raises several types once the session is closed
+                sample = self._ring.recv()
+            except Exception:  # noqa: BLE001 — the binding raises several types once it is closed
                 return
             received_ns = time.monotonic_ns()
             attachment = sample.attachment
@@ -172,7 +179,9 @@ class Bus:
     def has_reader(self, name: str) -> bool:
         """Whether anyone subscribes to a stream of ours."""
         with self._lock:
-            return bool(self._publisher(name).matching_status)
+            # The stubs call it a bool; it is an object, which is true whatever it says.
+            status: Any = self._publisher(name).matching_status
+            return status.matching
 
     def publish(
         self, name: str, message: Message, capture_ns: int | None = None, inputs: tuple[InputRef, ...] = ()
@@ -214,6 +223,14 @@ class Bus:
         self._open.append(subscription)
         self._readers.append(subscription.thread)
         return subscription
+
+    def unsubscribe(self, subscription: Subscription) -> None:
+        """Stop reading a topic; its callback is not called again once this has returned, unless from its own thread."""
+        subscription.close()
+        if subscription.thread is not threading.current_thread():
+            subscription.thread.join(_CLOSE_S)
+        self._open.remove(subscription)
+        self._readers.remove(subscription.thread)
 
     def subscribe_raw(self, pattern: str, callback: Callable[[zenoh.Sample], None], depth: int = 512) -> None:
         """Hand on every sample whose name matches a key pattern, undecoded: for the recorder and `outrider topics`."""

@@ -218,6 +218,9 @@ class Node(ABC):
     """Topics it reads."""
     outputs: tuple[str, ...] = ()
     """Topics it writes."""
+    on_demand: dict[str, tuple[str, ...]] = {}
+    """Inputs that are subscribed only while somebody reads one of these outputs: so the wish for a heavy stream reaches
+    its source, which then makes none that nobody reads."""
     commands: tuple[str, ...] = ()
     """Commands it answers."""
     trigger: Every | On

@@ -22,6 +22,7 @@ log = logging.getLogger(__name__)
 
 _HEALTH_PERIOD_S = 1.0
 _ERRORS_IN_A_ROW = 20
+_DEMAND_PERIOD_NS = 200_000_000
 
 
 class AlreadyRunning(ConfigError):
@@ -50,7 +51,8 @@ class Runner:
         self._last_error = ""
         self._steps = 0
         self._durations_ms: list[float] = []
-        self._subscriptions: list[Subscription] = []
+        self._subscriptions: dict[str, Subscription] = {}
+        self._next_demand_ns = 0
         self._invalid_outputs: Counter[str] = Counter()
 
     def open(self) -> None:
@@ -68,9 +70,26 @@ class Runner:
         self.node.query = self.bus.query
         self.node.alive = self.bus.alive
         for name in self.node.inputs:
-            self._subscriptions.append(self.bus.subscribe(name, lambda r, n=name: self.store.put(n, r)))
+            if name not in self.node.on_demand:
+                self._subscribe(name)
         for name in self.node.commands:
             self.bus.serve(name, self.store.put_command)
+
+    def _subscribe(self, name: str) -> None:
+        self._subscriptions[name] = self.bus.subscribe(name, lambda r: self.store.put(name, r))
+
+    def _follow_demand(self) -> None:
+        """Read the inputs that an output with readers needs, and no others."""
+        now_ns = time.monotonic_ns()
+        if now_ns < self._next_demand_ns:
+            return
+        self._next_demand_ns = now_ns + _DEMAND_PERIOD_NS
+        for name, outputs in self.node.on_demand.items():
+            wanted = any(self.bus.has_reader(output) for output in outputs)
+            if wanted and name not in self._subscriptions:
+                self._subscribe(name)
+            elif not wanted and name in self._subscriptions:
+                self.bus.unsubscribe(self._subscriptions.pop(name))
 
     def _refuse_second(self) -> None:
         others = self.bus.alive().get(self.node.name, [])
@@ -88,6 +107,7 @@ class Runner:
         gc.collect()
         gc.freeze()  # start-up objects live for ever: keep them out of every later collection's pause
         while not stop.is_set():
+            self._follow_demand()
             if isinstance(trigger, Every):
                 next_ns = self._wait_until(next_ns, stop) + int(trigger.period_s * 1e9)
                 next_ns = max(next_ns, time.monotonic_ns() - int(trigger.period_s * 1e9))
@@ -126,7 +146,8 @@ class Runner:
         return due_ns
 
     def _wait_for(self, trigger: On, stop: threading.Event) -> None:
-        limit_s = min(trigger.at_least_every_s or _HEALTH_PERIOD_S, _HEALTH_PERIOD_S)
+        longest_s = _DEMAND_PERIOD_NS / 1e9 if self.node.on_demand else _HEALTH_PERIOD_S
+        limit_s = min(trigger.at_least_every_s or longest_s, longest_s)
         with self.store.condition:
             self.store.condition.wait_for(
                 lambda: stop.is_set() or bool(self.store.commands) or self.store.fresh(trigger.topics), limit_s
@@ -186,9 +207,11 @@ class Runner:
     def _publish_health(self, now_ns: int) -> None:
         beat()
         durations, self._durations_ms = self._durations_ms, []
-        rejected = {f"{s.topic.name}: {reason}": n for s in self._subscriptions for reason, n in s.rejected.items()}
+        rejected = {
+            f"{s.topic.name}: {reason}": n for s in self._subscriptions.values() for reason, n in s.rejected.items()
+        }
         rejected |= {f"own {name}: content": n for name, n in self._invalid_outputs.items()}
-        lost = {s.topic.name: s.dropped for s in self._subscriptions}
+        lost = {s.topic.name: s.dropped for s in self._subscriptions.values()}
         self.bus.publish(
             topics.health_topic(self.node.name).name,
             Health(

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import Literal
+from typing import Any, Literal
 
 from common import messages as m
+from common.truth import Truth
 
 Delivery = Literal["latest", "queue"]
 Priority = Literal["real_time", "interactive_high", "data", "data_low", "background"]
@@ -50,41 +51,30 @@ class Topic:
         return self.written_by or (self.name.split("/")[0],)
 
 
+CAMERAS = ("down", "front")
+"""Names of the cameras that a vehicle may have; each has the same streams."""
+
+
+def _picture(name: str, doc: str, **differences: Any) -> Topic:
+    """Stream of pictures: lossy, late-free, out of the way of everything else, and kept on its side of the link."""
+    settings: dict[str, Any] = {"recorded": False, "crosses_link": False} | differences
+    return Topic(name, m.Image, 20, 500, priority="data_low", reliable=False, doc=doc, **settings)
+
+
+def _camera_topics(name: str) -> tuple[Topic, ...]:
+    simulated: dict[str, Any] = {"written_by": ("world",), "simulated": True}
+    return (
+        _picture(f"sim/camera/{name}", "the simulated camera's picture, before the camera node", **simulated),
+        _picture(f"sim/camera/{name}/depth", "the simulated depth picture, before the camera node", **simulated),
+        _picture(f"camera/{name}/raw", "picture for readers on board"),
+        _picture(f"camera/{name}/jpeg", "picture for the ground, compressed", recorded=True, crosses_link=True),
+        Topic(f"camera/{name}/info", m.CameraInfo, 1, 5000, doc="calibration of the camera"),
+        _picture(f"camera/{name}/depth", "depth for readers on board, 16-bit millimetres"),
+    )
+
+
 _TOPICS = (
-    Topic(
-        "sim/camera/down",
-        m.Image,
-        20,
-        500,
-        priority="data_low",
-        reliable=False,
-        recorded=False,
-        crosses_link=False,
-        written_by=("world",),
-        simulated=True,
-        doc="the simulated camera's picture, before the camera node",
-    ),
-    Topic(
-        "camera/down/raw",
-        m.Image,
-        20,
-        500,
-        priority="data_low",
-        reliable=False,
-        recorded=False,
-        crosses_link=False,
-        doc="picture for readers on board",
-    ),
-    Topic(
-        "camera/down/jpeg",
-        m.Image,
-        20,
-        500,
-        priority="data_low",
-        reliable=False,
-        doc="picture for the ground, compressed",
-    ),
-    Topic("camera/down/info", m.CameraInfo, 1, 5000, doc="calibration of the camera"),
+    *(topic for name in CAMERAS for topic in _camera_topics(name)),
     Topic(
         "helm/state",
         m.VehicleState,
@@ -147,7 +137,7 @@ _TOPICS = (
     Topic("session", m.Session, 1, 5000, written_by=("router-onboard",), doc="vehicle clock against UTC"),
     Topic(
         "truth",
-        m.Truth,
+        Truth,
         20,
         500,
         delivery="queue",

@@ -5,7 +5,7 @@ Camera optical frame: x right, y down, z forward (OpenCV).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -79,6 +79,21 @@ class Camera:
             rate_hz=self.rate_hz,
         )
 
+    def resized(self, width: int, height: int) -> Camera:
+        """The calibration for pictures of another size, px, as a resize of the calibrated ones would give."""
+        sx, sy = width / self.width, height / self.height
+        if (sx, sy) == (1.0, 1.0):
+            return self
+        return replace(
+            self,
+            width=width,
+            height=height,
+            fx_px=self.fx_px * sx,
+            fy_px=self.fy_px * sy,
+            cx_px=(self.cx_px + 0.5) * sx - 0.5,
+            cy_px=(self.cy_px + 0.5) * sy - 0.5,
+        )
+
     @property
     def matrix(self) -> Array:
         """Intrinsic matrix (3, 3), px."""
@@ -103,6 +118,18 @@ class Camera:
             -1, 2
         )
         return np.column_stack((normalised, np.ones(len(normalised)))).astype(np.float64)
+
+
+@dataclass(frozen=True)
+class DepthCamera:
+    """Calibration of a depth sensor: depth is measured along its optical axis (z), not along the ray."""
+
+    camera: Camera
+    """Intrinsics, mounting, delay and rate of the depth picture."""
+    range_min_m: float
+    """Smallest depth that it measures, m."""
+    range_max_m: float
+    """Largest depth that it measures, m."""
 
 
 def horizontal_tangents(rays: ArrayLike, body_q_camera: ArrayLike, ned_q_body: ArrayLike) -> Array:

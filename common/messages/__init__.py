@@ -19,7 +19,7 @@ from common.messages.obstacles import View as View
 
 # ---------------------------------------------------------------- pictures
 
-_BYTES_PER_PIXEL = {"bgr8": 3, "gray8": 1}
+_BYTES_PER_PIXEL = {"bgr8": 3, "gray8": 1, "depth_mm": 2}
 
 
 class Image(Message, frozen=True, kw_only=True):
@@ -31,8 +31,9 @@ class Image(Message, frozen=True, kw_only=True):
     """Columns, px."""
     height: int
     """Rows, px."""
-    encoding: Literal["bgr8", "gray8", "jpeg"]
-    """Pixel layout of `data`: interleaved rows without padding, or a JPEG file."""
+    encoding: Literal["bgr8", "gray8", "depth_mm", "jpeg"]
+    """Pixel layout of `data`: interleaved rows without padding (`depth_mm`: little-endian 16-bit millimetres along the
+    optical axis, 0 where nothing returned; `common.geometry.depth`), or a JPEG file."""
     data: bytes = b""
     """The pixels."""
 
@@ -296,27 +297,3 @@ class Session(Message, frozen=True, kw_only=True):
     """Vehicle clock, ns."""
     utc_ns: int
     """UTC at the same instant, ns since 1970."""
-
-
-# ---------------------------------------------------------------- simulator's truth: for reports only
-
-
-class Truth(Message, frozen=True, kw_only=True):
-    """Ground truth of the simulated world at the header's `capture_ns`. No algorithm may read it."""
-
-    ned_p_m: Vec3
-    """Vehicle position, NED, m."""
-    ned_v_m_s: Vec3
-    """Vehicle velocity, NED, m/s."""
-    ned_q_body: Quat
-    """Vehicle attitude."""
-    target_ned_p_m: Vec3
-    """Centre of the chased car, NED, m."""
-    target_ned_v_m_s: Vec3
-    """Velocity of the car, NED, m/s."""
-    target_heading_rad: float
-    """Heading of the car, rad from north, clockwise."""
-    target_corners_px: tuple[Vec2, ...] = ()
-    """Corners of the car's roof rectangle in the picture, px; empty when it is out of view."""
-    target_visible: bool
-    """Whether most of the car is in view and not occluded."""

@@ -17,7 +17,8 @@ import numpy as np
 
 from common.bus import Bus
 from common.header import Received
-from common.messages import Command, Health, HelmStatus, Reply, Track, Truth
+from common.messages import Command, Health, HelmStatus, Reply, Track
+from common.truth import Truth
 from simulation.demo.report import ChaseRecorder
 
 log = logging.getLogger(__name__)

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from common.header import Received
-from common.messages import HelmStatus, Setpoint, Track, Truth
+from common.messages import HelmStatus, Setpoint, Track
+from common.truth import Truth
 
 REQUEST = "helm/request/pursuit"
 

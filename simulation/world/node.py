@@ -1,4 +1,4 @@
-"""The node `world`: pictures of the simulated world as the vehicle's camera sees it, and the truth beside them."""
+"""The node `world`: pictures of the simulated world as the vehicle's cameras see it, and the truth beside them."""
 
 from __future__ import annotations
 
@@ -6,15 +6,18 @@ import logging
 import statistics
 import time
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 
 import cv2
 import msgspec
 
 from common.config import Config
+from common.geometry.camera import Camera
 from common.geometry.config import CamerasConfig
 from common.messages import Image
 from common.node import Every, Inputs, Node, Output
+from common.topics import CAMERAS
 from simulation.world.config import WorldConfig
 from simulation.world.scenario import load_scenario
 from simulation.world.stage import Stage
@@ -26,28 +29,52 @@ log = logging.getLogger(__name__)
 _WINDOW = 1200
 
 
+@dataclass
+class _Stream:
+    """Pictures of one kind from one camera."""
+
+    topic: str
+    name: str
+    camera: Camera
+    depth: bool
+    next_ns: int = 0
+
+    def due(self, t_ns: int) -> bool:
+        """Whether the next picture is due at an instant, ns; if so, the one after it is a period later."""
+        period_ns = round(1e9 / self.camera.rate_hz)
+        # Half a period early is early enough, as the world steps on a grid of its own; see the camera node.
+        if t_ns < self.next_ns - period_ns // 2:
+            return False
+        self.next_ns = max(self.next_ns + period_ns, t_ns)
+        return True
+
+
 class WorldNode(Node):
-    """Renders the picture of the camera `down` at the vehicle's true pose, a little in the past.
+    """Renders what the vehicle's cameras see at its true pose, a little in the past.
 
     Raises:
         ConfigError: bad scenario, port in use, no headless OpenGL.
     """
 
-    outputs = ("sim/camera/down", "truth")
+    outputs = (*(f"sim/camera/{name}{part}" for name in CAMERAS for part in ("", "/depth")), "truth")
 
     def __init__(self, config: Config, name: str = "world"):
         super().__init__(config, name)
         self._config = config.section(WorldConfig)
-        self._camera = config.section(CamerasConfig).down.camera()
-        self.trigger = Every(1.0 / self._camera.rate_hz)
+        cameras = config.section(CamerasConfig)
+        self._streams = list(_streams(cameras))
+        self._rate_hz = max(stream.camera.rate_hz for stream in self._streams)
+        self._exposure_delay_ns = int(cameras.down.exposure_delay_ms * 1e6)
+        self.trigger = Every(1.0 / self._rate_hz)
         cv2.setNumThreads(1)
         scenario = load_scenario(self._config.scenario)
         if self._config.seed is not None:
             scenario = msgspec.structs.replace(scenario, seed=self._config.seed)
-        self._stage = Stage(self._config, scenario, self._camera)
+        self._stage = Stage(self._config, scenario, cameras)
         self._last_instant_ns = self._last_step_ns = 0
         self._missed: deque[int] = deque(maxlen=_WINDOW)
         self._picture_ms: deque[float] = deque(maxlen=_WINDOW)
+        self._depth_ms: deque[float] = deque(maxlen=_WINDOW)
         self._stale = 0
         self._truth = TruthPort(self._config)
         log.info(
@@ -58,21 +85,15 @@ class WorldNode(Node):
         )
 
     def step(self, inputs: Inputs, t_ns: int) -> Iterable[Output]:
-        """Picture, unless nobody reads it or the link loses it, and truth; nothing while the pose is stale."""
+        """Pictures, unless nobody reads them or the link loses them, and truth; nothing while the pose is stale."""
         self._note_lateness(t_ns)
         motion = self._motion(t_ns)
         if motion is None:
             self._stale += 1
             return []
-        capture_ns = motion.t_ns + int(self._camera.exposure_delay_ms * 1e6)
-        outputs = [Output("truth", self._stage.place(motion), capture_ns)]
-        data = self._picture(motion.t_ns) if self.has_reader("sim/camera/down") else None
-        if data is not None:
-            image = Image(
-                camera="down", width=self._camera.width, height=self._camera.height, encoding="bgr8", data=data
-            )
-            outputs.insert(0, Output("sim/camera/down", image, capture_ns))
-        return outputs
+        truth = Output("truth", self._stage.place(motion), motion.t_ns + self._exposure_delay_ns)
+        pictures = (self._taken(stream, motion.t_ns) for stream in self._streams)
+        return [*(picture for picture in pictures if picture is not None), truth]
 
     def metrics(self) -> dict[str, float]:
         """Late frames, frames without a pose, time to render, and what the radio did."""
@@ -83,6 +104,7 @@ class WorldNode(Node):
             "stale": float(self._stale),
             "truth_rate_hz": self._truth.rate_hz,
             "picture_ms_median": statistics.median(self._picture_ms) if self._picture_ms else 0.0,
+            "depth_ms_median": statistics.median(self._depth_ms) if self._depth_ms else 0.0,
             **self._stage.metrics(),
         }
 
@@ -91,16 +113,24 @@ class WorldNode(Node):
         self._truth.close()
         self._stage.close()
 
-    def _picture(self, t_ns: int) -> bytes | None:
+    def _taken(self, stream: _Stream, t_ns: int) -> Output | None:
+        """Picture of a stream, when it is due, somebody reads it, and it arrives."""
+        if not stream.due(t_ns) or not self.has_reader(stream.topic):
+            return None
         started = time.perf_counter()
-        data = self._stage.picture(t_ns)
-        self._picture_ms.append((time.perf_counter() - started) * 1e3)
-        return data
+        taken = self._stage.depth(t_ns, stream.name) if stream.depth else self._stage.picture(t_ns, stream.name)
+        (self._depth_ms if stream.depth else self._picture_ms).append((time.perf_counter() - started) * 1e3)
+        if taken is None:
+            return None
+        camera = stream.camera
+        encoding = "depth_mm" if stream.depth else "bgr8"
+        image = Image(camera=stream.name, width=camera.width, height=camera.height, encoding=encoding, data=taken)
+        return Output(stream.topic, image, t_ns + int(camera.exposure_delay_ms * 1e6))
 
     def _note_lateness(self, t_ns: int) -> None:
         """Count the frames that fell out since the step before."""
         if self._last_step_ns:
-            periods = (t_ns - self._last_step_ns) / 1e9 * self._camera.rate_hz
+            periods = (t_ns - self._last_step_ns) / 1e9 * self._rate_hz
             self._missed.append(max(round(periods) - 1, 0))
         self._last_step_ns = t_ns
 
@@ -119,3 +149,12 @@ class WorldNode(Node):
         if motion is not None:
             self._last_instant_ns = instant_ns
         return motion
+
+
+def _streams(cameras: CamerasConfig) -> Iterator[_Stream]:
+    """All pictures of all cameras: colour and depth of the same rate are taken at the same instants."""
+    for name, section in cameras.by_name().items():
+        yield _Stream(f"sim/camera/{name}", name, section.camera(), depth=False)
+        sensor = section.depth_camera()
+        if sensor is not None:
+            yield _Stream(f"sim/camera/{name}/depth", name, sensor.camera, depth=True)

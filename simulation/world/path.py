@@ -1,18 +1,44 @@
-"""Way of a car: a polyline with rounded corners, driven under limits of speed, acceleration and heading rate."""
+"""Way of a car or a person: a polyline with rounded corners, under limits of speed,
+acceleration and heading rate."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from simulation.world.scenario import CarConfig, PathConfig
+from simulation.world.path_config import PathConfig
 
 Array = NDArray[np.float64]
 
 _STEP_M = 0.02
 _SPEED_LIMIT_M_S = 2.5
+
+
+class Mover(Protocol):
+    """Section of something that stands at a place or follows a way."""
+
+    @property
+    def north_m(self) -> float:
+        """Place without a way, north, m."""
+        ...
+
+    @property
+    def east_m(self) -> float:
+        """Place without a way, east, m."""
+        ...
+
+    @property
+    def heading_deg(self) -> float:
+        """Heading without a way, degrees."""
+        ...
+
+    @property
+    def path(self) -> PathConfig:
+        """The way."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -25,6 +51,8 @@ class Motion:
     """Velocity, (N, 2), m/s."""
     heading_rad: Array
     """Heading, (N,), rad from north, clockwise."""
+    along_m: Array
+    """Distance along the curve, (N,), m; in a later lap or on the way back it jumps or falls."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +113,7 @@ class CarPath:
         length = self.line.s_m[-1]
         position, heading, _ = self.line.at(np.mod(s, length) if self.closed else np.clip(s, 0.0, length))
         velocity = speed[:, None] * np.column_stack((np.cos(heading), np.sin(heading)))
-        return Motion(position, velocity, np.mod(heading + np.pi, 2 * np.pi) - np.pi)
+        return Motion(position, velocity, np.mod(heading + np.pi, 2 * np.pi) - np.pi, s)
 
     def _along(self, times: Array, node: NDArray[np.intp]) -> tuple[Array, Array]:
         """Arc length and speed between nodes, where the acceleration is constant."""
@@ -103,8 +131,8 @@ class CarPath:
         return self.line.at(np.linspace(0.0, length, max(int(length / step_m), 2)))[0]
 
 
-def car_path(car: CarConfig) -> CarPath:
-    """Path of a car of a scenario; a parked one is a path that never moves."""
+def car_path(car: Mover) -> CarPath:
+    """Path of a car or a person of a scenario; one who stands has a path that never moves."""
     if not car.path.waypoints:
         heading = np.deg2rad(car.heading_deg)
         line = _Line(np.array([0.0, 0.0]), np.array([[car.north_m, car.east_m]]), np.array([heading]), np.zeros(1))

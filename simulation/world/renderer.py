@@ -1,4 +1,4 @@
-"""Headless colour pictures of a scene, through a calibrated camera."""
+"""Headless colour and depth pictures of a scene, through a calibrated camera."""
 
 from __future__ import annotations
 
@@ -43,28 +43,48 @@ class Drawable(Protocol):
         """Told before each picture: nothing farther from the camera than this, horizontally, is in view."""
 
 
-class Renderer:
-    """Draws a scene as one camera sees it. Belongs to the thread that made it, as its OpenGL context does.
+class Canvas:
+    """The OpenGL context that a scene is drawn in, with its textures. Belongs to the thread that made it.
 
     Args:
-        scene: what to draw.
-        camera: calibration; lens distortion is applied where there is any.
+        scene: what will be drawn; its model says how large a picture may be (`offwidth`, `offheight`).
 
     Raises:
         GlMissingError: no headless OpenGL; the text names the packages.
     """
 
-    def __init__(self, scene: Drawable, camera: Camera):
-        self._scene, self._camera = scene, camera
-        self._context = open_context(camera.width, camera.height)
-        self._gl = mujoco.MjrContext(scene.model, mujoco.mjtFontScale.mjFONTSCALE_50.value)
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._gl)
-        self._view = mujoco.MjvScene(scene.model, maxgeom=_MAX_GEOMS)
+    def __init__(self, scene: Drawable):
+        size = scene.model.vis.global_
+        self.scene = scene
+        self._context = open_context(size.offwidth, size.offheight)
+        self.gl = mujoco.MjrContext(scene.model, mujoco.mjtFontScale.mjFONTSCALE_50.value)
+        """MuJoCo's handle of it."""
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self.gl)
+
+    def close(self) -> None:
+        """Free the OpenGL context."""
+        self.gl.free()
+        self._context.free()
+
+
+class Renderer:
+    """Draws a scene as one camera sees it.
+
+    Args:
+        canvas: where to draw.
+        camera: calibration; lens distortion is applied where there is any.
+    """
+
+    def __init__(self, canvas: Canvas, camera: Camera):
+        self._scene, self._camera, self._gl = canvas.scene, camera, canvas.gl
+        self._view = mujoco.MjvScene(self._scene.model, maxgeom=_MAX_GEOMS)
         for flag in _UNUSED:
             self._view.flags[flag] = 0
-        self._option, self._free = mujoco.MjvOption(), mujoco.MjvCamera()
+        self._option, self._untextured, self._free = mujoco.MjvOption(), mujoco.MjvOption(), mujoco.MjvCamera()
+        self._untextured.flags[mujoco.mjtVisFlag.mjVIS_TEXTURE] = 0
         self._rect = mujoco.MjrRect(0, 0, camera.width, camera.height)
         self._rgb = np.empty((camera.height, camera.width, 3), np.uint8)
+        self._z = np.empty((camera.height, camera.width), np.float32)
         self._frustum, self._remap = _frustum(camera)
         left, right, bottom, top = self._frustum
         self._corner_rays = np.array([(x, -y, 1.0) for x in (left, right) for y in (bottom, top)])
@@ -76,7 +96,7 @@ class Renderer:
         """
         position, attitude = np.asarray(ned_p_camera_m, dtype=float), np.asarray(ned_q_camera, dtype=float)
         self._scene.show_near(position, self._reach(position, attitude))
-        self._aim(position, attitude)
+        self._aim(position, attitude, self._option)
         mujoco.mjr_render(self._rect, self._view, self._gl)
         mujoco.mjr_readPixels(self._rgb, None, self._rect, self._gl)
         # OpenGL's rows run upwards.
@@ -85,11 +105,32 @@ class Renderer:
             picture = cv2.remap(picture, *self._remap, cv2.INTER_LINEAR)
         return picture.astype(np.uint8, copy=False)
 
-    def _aim(self, ned_p_camera_m: Array, ned_q_camera: Array) -> None:
+    def depth(self, ned_p_camera_m: ArrayLike, ned_q_camera: ArrayLike, range_m: float) -> NDArray[np.float32]:
+        """Depth (height, width), m along the optical axis, of the same view; NaN beyond a range, m.
+
+        A pass of its own without textures: cheaper than reading it beside a larger colour picture.
+        """
+        position, attitude = np.asarray(ned_p_camera_m, dtype=float), np.asarray(ned_q_camera, dtype=float)
+        farthest_m = range_m * float(np.linalg.norm(self._corner_rays, axis=1).max())
+        self._scene.show_near(position, min(self._reach(position, attitude), farthest_m))
+        self._aim(position, attitude, self._untextured)
+        mujoco.mjr_render(self._rect, self._view, self._gl)
+        mujoco.mjr_readPixels(None, self._z, self._rect, self._gl)
+        # The buffer holds d = f (z - n) / (z (f - n)), so z = n f / (f - d (f - n)); beyond the range it is cut off
+        # before that division, where the buffer's steps are fine enough.
+        n, f = _NEAR_M, _FAR_M
+        within = self._z < f * (range_m - n) / (range_m * (f - n))
+        depth = np.where(within, n * f / (f - self._z.astype(np.float64) * (f - n)), np.nan).astype(np.float32)
+        depth = cv2.flip(depth, 0)
+        if self._remap is not None:
+            depth = cv2.remap(depth, *self._remap, cv2.INTER_NEAREST)
+        return depth.astype(np.float32, copy=False)
+
+    def _aim(self, ned_p_camera_m: Array, ned_q_camera: Array, option: Any) -> None:
         mujoco.mjv_updateScene(
             self._scene.model,
             self._scene.data,
-            self._option,
+            option,
             None,
             self._free,
             mujoco.mjtCatBit.mjCAT_ALL.value,
@@ -114,11 +155,6 @@ class Renderer:
             return _FAR_M
         tangents = np.hypot(ned[:, 0], ned[:, 1]) / ned[:, 2]
         return float(max(-ned_p_camera_m[2], 0.0) * tangents.max()) + _MARGIN_M
-
-    def close(self) -> None:
-        """Free the OpenGL context."""
-        self._gl.free()
-        self._context.free()
 
 
 def camera_pose(camera: Camera, ned_p_body_m: ArrayLike, ned_q_body: ArrayLike) -> tuple[Array, Array]:

@@ -6,74 +6,14 @@ Wind is no part of it: it acts on the vehicle, so the autopilot's section has it
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, Literal
 
 import msgspec
 
 from common.config import ConfigError, Fraction, NonNegative, Positive, Section, build, find_file, read_toml
-
-Colour = Annotated[str, msgspec.Meta(pattern="^#[0-9a-fA-F]{6}$")]
-
-
-def rgb(colour: str) -> tuple[int, int, int]:
-    """Red, green and blue, 0 to 255, of a colour `#rrggbb`."""
-    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
-
-
-class WaypointConfig(Section, frozen=True, kw_only=True):
-    """One corner of a path; the path rounds it."""
-
-    north_m: float
-    """Position, north, m."""
-    east_m: float
-    """Position, east, m."""
-    speed_m_s: Annotated[float, msgspec.Meta(gt=0, le=2.5)] = 1.0
-    """Speed wanted from here to the next waypoint, m/s."""
-    stop_s: NonNegative = 0.0
-    """How long the car stands here, s; 0: it drives through."""
-
-
-class PathConfig(Section, frozen=True, kw_only=True):
-    """Way of a car: a rounded polyline, driven for ever. Without waypoints the car is parked at its place."""
-
-    waypoints: tuple[WaypointConfig, ...] = ()
-    """Corners in driving order; a loop returns to the first one."""
-    mode: Literal["loop", "ping_pong"] = "loop"
-    """`loop`: round and round. `ping_pong`: to the last waypoint, and back in reverse."""
-    turn_radius_m: Positive = 1.2
-    """Radius of the rounded corners, m; less where the segments are too short."""
-    acceleration_m_s2: Positive = 1.0
-    """Largest change of speed, m/s²."""
-    lateral_acceleration_m_s2: Positive = 1.0
-    """Largest sideways acceleration in a turn, m/s²."""
-    turn_rate_rad_s: Positive = 1.0
-    """Largest heading rate, rad/s."""
-    speed_scale: Positive = 1.0
-    """Factor on all speeds; 2.5 m/s is kept as the limit."""
-    start_delay_s: NonNegative = 0.0
-    """How long the car stands at the first waypoint before it moves, s."""
-
-    def check(self) -> None:
-        """Refuse a path of too few points, equal neighbours, and a turn back on the spot."""
-        loop = self.mode == "loop"
-        count, least = len(self.waypoints), 3 if loop else 2
-        if 0 < count < least:
-            raise ConfigError(f"waypoints: got {count}, expected none (parked) or at least {least} for a {self.mode}")
-        points = [(w.north_m, w.east_m) for w in self.waypoints]
-        for i in range(count if loop else count - 1):
-            if math.dist(points[i], points[(i + 1) % count]) < 0.05:
-                raise ConfigError(
-                    f"waypoints[{i}]: got {points[i]}, the same place as the next one; remove one of them"
-                )
-        for i in range(0 if loop else 1, count if loop else count - 1):
-            (n0, e0), (n1, e1), (n2, e2) = points[i - 1], points[i], points[(i + 1) % count]
-            turn = math.atan2(e2 - e1, n2 - n1) - math.atan2(e1 - e0, n1 - n0)
-            if abs(math.degrees(math.remainder(turn, math.tau))) > 170:
-                raise ConfigError(
-                    f"waypoints[{i}]: got a turn of more than 170 degrees at {points[i]}; "
-                    "put another waypoint beside it"
-                )
+from simulation.world.depth_config import DepthFaultConfig, DepthNoiseConfig
+from simulation.world.objects_config import BarrelConfig, Colour, PersonConfig, WallConfig
+from simulation.world.path_config import PathConfig
 
 
 class CarConfig(Section, frozen=True, kw_only=True):
@@ -235,12 +175,22 @@ class ScenarioConfig(Section, frozen=True, kw_only=True):
     """What hides the car from above."""
     distractors: tuple[CarConfig, ...] = ()
     """Other cars, parked or moving."""
+    barrels: tuple[BarrelConfig, ...] = ()
+    """Barrels."""
+    walls: tuple[WallConfig, ...] = ()
+    """Walls."""
+    people: tuple[PersonConfig, ...] = ()
+    """People, standing or walking."""
     light: LightConfig = LightConfig()
     """Daylight."""
     sensor: SensorConfig = SensorConfig()
     """Camera noise."""
     radio: RadioConfig = RadioConfig()
     """Video-link errors."""
+    depth: DepthNoiseConfig = DepthNoiseConfig()
+    """Imperfections of the depth sensors."""
+    depth_faults: tuple[DepthFaultConfig, ...] = ()
+    """Failures of the depth sensors."""
 
 
 def load_scenario(name: str) -> ScenarioConfig:

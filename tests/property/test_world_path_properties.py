@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from common.config import ConfigError
 from simulation.world.path import car_path
-from simulation.world.scenario import CarConfig, PathConfig, WaypointConfig
+from simulation.world.path_config import PathConfig, WaypointConfig
+from simulation.world.scenario import CarConfig
 
 _DT_S = 0.02
 

@@ -18,9 +18,10 @@ import psutil
 
 from common.bus import Bus
 from common.header import Received
-from common.messages import Command, HelmStatus, Reply, Setpoint, Track, Truth
+from common.messages import Command, HelmStatus, Reply, Setpoint, Track
 from common.processes import load_config
 from common.session import BusConfig, Side
+from common.truth import Truth
 from simulation.demo.mission import box_of_corners
 
 

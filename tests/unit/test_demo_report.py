@@ -9,7 +9,8 @@ import pytest
 
 from common.codec import schema_hash
 from common.header import Header, InputRef, Received
-from common.messages import HelmStatus, Message, Setpoint, Track, Truth
+from common.messages import HelmStatus, Message, Setpoint, Track
+from common.truth import Truth
 from simulation.demo.mission import box_of_corners
 from simulation.demo.report import REQUEST, ChaseRecorder, Criteria
 

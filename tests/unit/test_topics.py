@@ -8,9 +8,10 @@ import pytest
 
 from common import topics
 from common.config import load_object
-from common.messages import Health, Message, Truth
+from common.messages import Health, Message
 from common.node import Every, Node, On
 from common.processes import PROCESSES, process, side_processes
+from common.truth import Truth
 
 NODES = [name for name, spec in PROCESSES.items() if spec.entry.split(":")[1].endswith("Node")]
 

@@ -9,7 +9,7 @@ from common.geometry.camera import Camera
 from common.geometry.config import CameraConfig
 from common.geometry.rotation import quat_from_euler
 from simulation.world.gl import mujoco
-from simulation.world.renderer import Renderer, camera_pose, ned_to_pixels
+from simulation.world.renderer import Canvas, Renderer, camera_pose, ned_to_pixels
 from simulation.world.scene import NWU_FROM_NED
 
 # Colour (BGR) of each ball and its centre, NED, m.
@@ -71,7 +71,8 @@ def centroid(picture: np.ndarray, colour: tuple[int, int, int]) -> np.ndarray:
 @pytest.mark.parametrize("camera_name", CAMERAS)
 def test_rendered_points_lie_where_the_camera_projects_them(camera_name: str) -> None:
     camera: Camera = CAMERAS[camera_name]
-    renderer = Renderer(Balls(), camera)
+    canvas = Canvas(Balls())
+    renderer = Renderer(canvas, camera)
     compared = 0
     try:
         for ned_p_body, euler in POSES.values():
@@ -84,7 +85,7 @@ def test_rendered_points_lie_where_the_camera_projects_them(camera_name: str) ->
                     assert np.linalg.norm(centroid(picture, colour) - pixel) < 0.5
                     compared += 1
     finally:
-        renderer.close()
+        canvas.close()
     assert compared >= 10
 
 

@@ -13,8 +13,9 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from common.config import Config
 from common.geometry.config import CamerasConfig
-from common.messages import Image, Truth
+from common.messages import Image
 from common.node import Output, ScriptedRun
+from common.truth import Truth
 from simulation.world.gl import GlMissingError
 from simulation.world.node import WorldNode
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from simulation.world.path import car_path
-from simulation.world.scenario import CarConfig, PathConfig, WaypointConfig
+from simulation.world.path_config import PathConfig, WaypointConfig
+from simulation.world.scenario import CarConfig
 
 
 def waypoint(north_m: float, east_m: float, speed_m_s: float = 1.0, stop_s: float = 0.0) -> WaypointConfig:

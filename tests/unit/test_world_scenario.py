@@ -6,17 +6,30 @@ import numpy as np
 import pytest
 
 from common.config import ConfigError, build, deploy_dir
+from simulation.world.objects_config import rgb
 from simulation.world.path import car_path
-from simulation.world.scenario import LightConfig, PathConfig, RadioConfig, ScenarioConfig, load_scenario, rgb
+from simulation.world.path_config import PathConfig
+from simulation.world.scenario import LightConfig, RadioConfig, ScenarioConfig, load_scenario
 
 SHIPPED = sorted(path.stem for path in (deploy_dir() / "scenarios").glob("*.toml"))
 
 
-def test_the_three_scenarios_are_shipped() -> None:
-    assert {"chase", "calm", "rough"} <= set(SHIPPED)
+def test_the_scenarios_are_shipped() -> None:
+    assert {"chase", "calm", "rough", "approach"} <= set(SHIPPED)
 
 
-@pytest.mark.parametrize("name", SHIPPED)
+def test_approach_has_something_of_each_kind_that_a_vehicle_can_fly_at() -> None:
+    scenario = load_scenario("approach")
+    assert len(scenario.barrels) >= 1 and len(scenario.walls) >= 2 and len(scenario.people) >= 2
+    assert not scenario.car.path.waypoints, "the car is parked out of the way"
+    walker = car_path(scenario.people[0]).at(np.arange(0.0, 60.0, 0.1))
+    speed = np.hypot(*walker.ned_v_m_s.T)
+    assert 1.0 < speed.max() <= 1.5
+    assert np.hypot(*walker.ned_p_m.T).min() > 5.0, "nobody walks over the landing pad"
+    assert scenario.depth.noise_per_m > 0 and scenario.depth.flying > 0
+
+
+@pytest.mark.parametrize("name", [name for name in SHIPPED if name != "approach"])
 def test_shipped_scenario_keeps_its_car_slow_and_near(name: str) -> None:
     scenario = load_scenario(name)
     path = car_path(scenario.car)

@@ -5,7 +5,7 @@ import pytest
 
 from common.geometry.config import CameraConfig
 from common.geometry.rotation import quat_from_euler
-from simulation.world.renderer import Renderer, camera_pose, ned_to_pixels
+from simulation.world.renderer import Canvas, Renderer, camera_pose, ned_to_pixels
 from simulation.world.scenario import CarConfig, GroundConfig, OccluderConfig, ScenarioConfig, load_scenario
 from simulation.world.scene import CarPose, Scene
 
@@ -19,11 +19,12 @@ def picture_of(
     """Picture from a level vehicle, and the pose of its camera."""
     scene.place(car, [], eye)
     ned_eye, ned_q_eye = camera_pose(CAMERA, eye, quat_from_euler(0.0, 0.0, 0.0))
-    renderer = Renderer(scene, CAMERA)
+    canvas = Canvas(scene)
+    renderer = Renderer(canvas, CAMERA)
     try:
         return renderer.render(ned_eye, ned_q_eye), ned_eye, ned_q_eye
     finally:
-        renderer.close()
+        canvas.close()
 
 
 def test_the_parts_of_the_car_are_where_its_pose_puts_them() -> None:
