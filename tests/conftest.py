@@ -25,11 +25,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark every test by its folder; with another autopilot, leave out what needs ours."""
+    """Mark every test by its folder; with another autopilot, leave out what needs ours; group for several processes."""
     for item in items:
         for mark in _FOLDER_MARKS:
             if mark in Path(item.path).parent.parts:
                 item.add_marker(mark)
+    if hasattr(config, "workerinput"):
+        _group(items)
     if config.getoption("--autopilot"):
         ours = [item for item in items if item.get_closest_marker("own_autopilot")]
         config.hook.pytest_deselected(items=ours)
@@ -46,3 +48,12 @@ def sample_video() -> Path:
         if place.is_file():
             return place
     raise FileNotFoundError(f"vtest.avi: expected it at one of {[str(p) for p in places]}; run scripts/setup.sh test")
+
+
+def _group(items: list[pytest.Item]) -> None:
+    """Of tests on several processes, a file stays together, and so do those in real time; the longest begin first."""
+    groups = {item: "real time" if item.get_closest_marker("real_time") else str(item.path) for item in items}
+    long = {groups[item] for item in items if item.get_closest_marker("slow")}
+    for item, group in groups.items():
+        item.add_marker(pytest.mark.xdist_group(group))
+    items.sort(key=lambda item: (groups[item] != "real time", groups[item] not in long))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -22,7 +21,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 from common.session import BusConfig, open_router
 from tests.browser.scripted import Script, ScriptedVehicle
-from tests.machine import chromium
+from tests.machine import chromium, free_ports
 
 ROOT = Path(__file__).parents[2]
 FLAGS = [
@@ -38,17 +37,6 @@ FLAGS = [
     "--enable-unsafe-swiftshader",
 ]
 WAIT_MS = 20_000
-
-
-def free_ports(count: int) -> list[int]:
-    """Ports that nobody listens on."""
-    sockets = [socket.socket() for _ in range(count)]
-    for s in sockets:
-        s.bind(("127.0.0.1", 0))
-    ports = [s.getsockname()[1] for s in sockets]
-    for s in sockets:
-        s.close()
-    return ports
 
 
 def wait_for(condition: Callable[[], object], timeout_s: float = 20.0, what: str = "condition") -> object:

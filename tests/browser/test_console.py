@@ -14,8 +14,9 @@ from playwright.sync_api import Browser
 
 from common.messages import PreflightItem, Reply
 from common.session import BusConfig
-from tests.browser.conftest import Console, View, free_ports, open_view, wait_for
+from tests.browser.conftest import Console, View, open_view, wait_for
 from tests.browser.scripted import CHECKS, ScriptedVehicle
+from tests.machine import free_ports
 
 GREEN = (132, 220, 61)
 ORANGE = (28, 159, 255)

@@ -11,14 +11,16 @@ from benchmarks.episode import Episode
 from common.processes import load_config
 from simulation.world.scenario import load_scenario
 
-CHASE_S = 12.0
+CHASE_S, BEGINNING_S = 12.0, 5.0
 
 
-def _flown(seed: int, tracker: type[CamShiftTracker] | None = None, *overrides: str) -> Episode:
+def _flown(
+    seed: int, tracker: type[CamShiftTracker] | None = None, *overrides: str, duration_s: float = CHASE_S
+) -> Episode:
     episode = Episode(load_config("kite", overrides), drawn(load_scenario("chase"), seed), seed)
     if tracker is not None:
         episode.use(tracker)
-    episode.fly(CHASE_S)
+    episode.fly(duration_s)
     return episode
 
 
@@ -36,18 +38,20 @@ def test_the_chase_holds(flown: Episode) -> None:
 
 
 def test_a_seed_is_one_flight(flown: Episode) -> None:
-    again = _flown(3)
+    again = _flown(3, duration_s=BEGINNING_S).trace
 
-    np.testing.assert_array_equal(again.trace.column("error_m"), flown.trace.column("error_m"))
-    assert again.recorder.summary() == pytest.approx(flown.recorder.summary(), nan_ok=True)
+    assert len(again.rows) > 95
+    for name in ("error_m", "yaw_error_rad", "height_m", "distance", "off_m"):
+        np.testing.assert_array_equal(again.column(name), flown.trace.column(name)[: len(again.rows)])
 
 
 def test_another_tracker_flies_the_same_road(flown: Episode) -> None:
-    plain = _flown(3, CamShiftTracker)
+    plain = _flown(3, CamShiftTracker, duration_s=BEGINNING_S).trace
 
-    np.testing.assert_array_equal(plain.trace.column("target_m_s"), flown.trace.column("target_m_s"))
-    assert not np.array_equal(plain.trace.column("error_m"), flown.trace.column("error_m"))
-    assert plain.trace.column("seen").mean() > 0.5
+    count = len(plain.rows)
+    np.testing.assert_array_equal(plain.column("target_m_s"), flown.trace.column("target_m_s")[:count])
+    assert not np.array_equal(plain.column("error_m"), flown.trace.column("error_m")[:count])
+    assert plain.column("seen").mean() > 0.5
 
 
 def test_the_orientation_form_keeps_closer_to_the_car(flown: Episode) -> None:

@@ -23,17 +23,7 @@ from common.processes import load_config
 from common.session import BusConfig, Side
 from common.truth import Truth
 from simulation.demo.mission import box_of_corners
-
-
-def free_ports(count: int, kind: int = socket.SOCK_STREAM) -> list[int]:
-    """Ports on loopback that were free a moment ago, all different."""
-    sockets = [socket.socket(socket.AF_INET, kind) for _ in range(count)]
-    for s in sockets:
-        s.bind(("127.0.0.1", 0))
-    ports = [s.getsockname()[1] for s in sockets]
-    for s in sockets:
-        s.close()
-    return ports
+from tests.machine import free_ports
 
 
 class Seen:
@@ -81,7 +71,7 @@ class Stack:
         external: External | None = None,
     ):
         self.folder = folder
-        tcp, udp = free_ports(3), free_ports(6, socket.SOCK_DGRAM)
+        tcp, udp = free_ports(3), free_ports(6)
         self.onboard_port, self.ground_port, self.console_port = tcp
         (
             self.autopilot_onboard,

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.system.stack import Flight, Seen, Stack, free_ports
+from tests.machine import free_ports
+from tests.system.stack import Flight, Seen, Stack
 
 MakeStack = Callable[..., Stack]
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -14,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.system.stack import free_ports
+from tests.machine import free_ports
 
 _DRAGS = (0.1, 1.0)
 
@@ -24,7 +23,7 @@ class Autopilot:
 
     def __init__(self, folder: Path, drag_n_s_m: float):
         self.folder = folder
-        ports = free_ports(6, socket.SOCK_DGRAM)
+        ports = free_ports(6)
         names = [f"{link}.{end}_port" for link in ("onboard", "ground", "truth") for end in ("local", "remote")]
         settings = [f"autopilot.{name}={port}" for name, port in zip(names, ports, strict=True)]
         settings.append(f"autopilot.drag_n_s_m={drag_n_s_m}")

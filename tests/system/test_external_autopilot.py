@@ -10,8 +10,9 @@ import cv2
 import numpy as np
 import pytest
 
+from tests.machine import free_ports
 from tests.system.bridge import Bridge
-from tests.system.stack import Flight, Seen, Stack, free_ports
+from tests.system.stack import Flight, Seen, Stack
 
 MakeStack = Callable[..., Stack]
 pytestmark = [pytest.mark.slow, pytest.mark.own_autopilot]

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.system.stack import Seen, Stack, free_ports
+from tests.machine import free_ports
+from tests.system.stack import Seen, Stack
 
 SERVER = Path(__file__).parent / "rtsp_server.py"
 

@@ -11,20 +11,10 @@ from pymavlink.dialects.v20 import development as mavlink
 from common.config import build
 from simulation.autopilot.config import AutopilotSimConfig, LinkConfig
 from simulation.autopilot.process import AutopilotProcess
+from tests.machine import free_ports
 
 HOST = "127.0.0.1"
 GROUND_STATION, COMPANION = 6, 18
-
-
-def free_ports(count: int) -> list[int]:
-    """UDP ports that nobody has at this moment."""
-    sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(count)]
-    for s in sockets:
-        s.bind((HOST, 0))
-    ports = [s.getsockname()[1] for s in sockets]
-    for s in sockets:
-        s.close()
-    return ports
 
 
 def settings(ports: list[int], **changes: Any) -> dict[str, Any]:

@@ -13,7 +13,8 @@ from simulation.autopilot.config import AutopilotSimConfig
 from simulation.autopilot.process import AutopilotProcess
 from simulation.conformance.client import Client
 from simulation.conformance.vehicle import Vehicle
-from tests.unit.autopilot_rig import HOST, free_ports, settings
+from tests.machine import free_ports
+from tests.unit.autopilot_rig import HOST, settings
 
 Change = Callable[[Any], Any]
 """Takes a message; returns what passes: the message, changed or not, or None."""

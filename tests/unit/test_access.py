@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
-import socket
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -34,6 +33,7 @@ from common.messages import Command, Image, Reply, Request
 from common.node import Node
 from common.processes import PROCESSES, SECTIONS
 from common.session import BusConfig, TlsConfig, open_router
+from tests.machine import free_ports
 
 NODES = {n: load_object(s.entry) for n, s in PROCESSES.items() if s.entry.split(":")[1].endswith("Node")}
 SIDES: tuple[RouterSide, RouterSide] = ("onboard", "ground")
@@ -135,13 +135,6 @@ def test_the_section_of_the_bus_is_registered() -> None:
 
 
 # ---------------------------------------------------------------- two real routers
-
-
-def free_ports(count: int) -> list[int]:
-    """Ports of loopback that were free a moment ago."""
-    with contextlib.ExitStack() as stack:
-        sockets = [stack.enter_context(socket.create_server(("127.0.0.1", 0))) for _ in range(count)]
-        return [s.getsockname()[1] for s in sockets]
 
 
 def options(folder: Path, **changed: Any) -> argparse.Namespace:

@@ -17,7 +17,8 @@ from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
 from mavsdk.plugins.telemetry import Telemetry
 from pymavlink.dialects.v20 import development as mavlink
 
-from tests.unit.autopilot_rig import HOST, free_ports, settings
+from tests.machine import free_ports
+from tests.unit.autopilot_rig import HOST, settings
 
 # The process table's entry, with this one section: what the other sides configure is no concern of this test.
 _PROGRAM = """
@@ -137,6 +138,7 @@ def wait(what: str, condition: Callable[[], bool], limit_s: float) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.real_time
 @pytest.mark.timeout(90)
 def test_mavsdk_flies_it_as_it_flies_px4(pilot: Pilot) -> None:
     telemetry = pilot.telemetry

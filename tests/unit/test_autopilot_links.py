@@ -18,7 +18,8 @@ from common.config import Config, ConfigError, build
 from simulation.autopilot.config import AutopilotSimConfig
 from simulation.autopilot.process import Pacer, run
 from simulation.autopilot.rates import GROUND_RATES, ONBOARD_RATES
-from tests.unit.autopilot_rig import COMPANION, GROUND_STATION, HOST, Rig, free_ports, settings
+from tests.machine import free_ports
+from tests.unit.autopilot_rig import COMPANION, GROUND_STATION, HOST, Rig, settings
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ from common.messages import Image, Track
 from common.node import Inputs, Node, On, Output
 from common.runner import Runner
 from common.session import BusConfig, open_router
-from tests.system.stack import free_ports
+from tests.machine import free_ports
 
 _ROOT = Path(__file__).parents[2]
 _TOPICS = ("helm/*", "health/*", "pursuit/*", "camera/**", "world/**")

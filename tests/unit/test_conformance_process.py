@@ -12,7 +12,7 @@ from common.cli import main
 from common.helm_lock import HelmLock
 from simulation.conformance import process
 from simulation.conformance.client import COMPANION, Client
-from tests.unit.autopilot_rig import free_ports
+from tests.machine import free_ports
 from tests.unit.conformance_rig import ConformanceRig
 
 

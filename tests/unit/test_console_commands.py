@@ -34,6 +34,7 @@ from ground.console.node import ConsoleNode
 from ground.console.server import open_server
 from ground.console.style import style_html
 from ground.console.watch import LifeWatch
+from tests.machine import free_port
 
 
 def _wait(condition: Callable[[], object]) -> None:
@@ -41,12 +42,6 @@ def _wait(condition: Callable[[], object]) -> None:
     while not condition():
         assert time.monotonic() < deadline, "nothing happened within 5 s"
         time.sleep(0.005)
-
-
-def _free_port() -> int:
-    with socket.socket() as s:
-        s.bind(("127.0.0.1", 0))
-        return s.getsockname()[1]
 
 
 def test_every_button_asks_for_commands_that_exist() -> None:
@@ -142,13 +137,13 @@ def test_taken_port_and_foreign_address_are_one_clear_error() -> None:
         with pytest.raises(ConfigError, match=re.escape(f"console.port: {port} on 127.0.0.1 is taken")):
             open_server(ConsoleConfig(port=port), "test")
     with pytest.raises(ConfigError, match=re.escape("console.host: cannot listen on '192.0.2.1'")):
-        open_server(ConsoleConfig(host="192.0.2.1", port=_free_port()), "test")
+        open_server(ConsoleConfig(host="192.0.2.1", port=free_port()), "test")
     with pytest.raises(ConfigError, match=re.escape("console.host: got 'no such host'")):
-        open_server(ConsoleConfig(host="no such host", port=_free_port()), "test")
+        open_server(ConsoleConfig(host="no such host", port=free_port()), "test")
 
 
 def test_page_of_another_site_is_thrown_out_before_it_can_command() -> None:
-    port = _free_port()
+    port = free_port()
     server = open_server(ConsoleConfig(port=port), "test")
     try:
         protocol = Subprotocol(f"viser-v{viser.__version__}")
@@ -164,7 +159,7 @@ def test_page_of_another_site_is_thrown_out_before_it_can_command() -> None:
 
 
 def test_node_serves_its_page_on_the_given_address_alone_and_steps_without_a_browser() -> None:
-    port = _free_port()
+    port = free_port()
     sections = {"bus": "common.session:BusConfig", "console": "ground.console.config:ConsoleConfig"}
     node = ConsoleNode(Config({"console": {"port": port}}, sections), "console")
     try:

@@ -6,7 +6,6 @@ import base64
 import http.client
 import logging
 import re
-import socket
 import ssl
 import subprocess
 from collections.abc import Iterator
@@ -24,14 +23,9 @@ from ground.console.config import ConsoleConfig
 from ground.console.gate import SESSION_S, Sessions, TryLimit
 from ground.console.password import make_hash, write_hash
 from ground.console.server import PageServer, open_server
+from tests.machine import free_port
 
 PASSWORD = "the limiter comes last ü"
-
-
-def _free_port() -> int:
-    with socket.socket() as s:
-        s.bind(("127.0.0.1", 0))
-        return s.getsockname()[1]
 
 
 class Client:
@@ -85,7 +79,7 @@ def password_file(tmp_path: Path) -> str:
 
 @pytest.fixture
 def client(password_file: str) -> Iterator[Client]:
-    port = _free_port()
+    port = free_port()
     origins = ("https://console.example",)
     server = open_server(ConsoleConfig(host="0.0.0.0", port=port, password_file=password_file, origins=origins), "test")
     yield Client(port)
@@ -162,7 +156,7 @@ def test_guessing_is_logged_and_slowed_down_and_a_session_is_not_touched(
 
 
 def test_page_over_tls(tmp_path: Path, password_file: str) -> None:
-    key, certificate, port = tmp_path / "key.pem", tmp_path / "certificate.pem", _free_port()
+    key, certificate, port = tmp_path / "key.pem", tmp_path / "certificate.pem", free_port()
     make = "openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -days 2 -subj /CN=console"
     names = ["-addext", "subjectAltName=IP:127.0.0.1", "-keyout", str(key), "-out", str(certificate)]
     subprocess.run([*make.split(), *names], check=True, capture_output=True)
@@ -183,7 +177,7 @@ def test_certificate_that_cannot_be_used_is_one_clear_line(tmp_path: Path) -> No
     empty.touch()
     for path in (str(empty), str(tmp_path / "none.pem")):
         with pytest.raises(ConfigError, match=r"console\.tls_certificate.*cannot be used") as refused:
-            open_server(ConsoleConfig(port=_free_port(), tls_certificate=path, tls_key=path), "test")
+            open_server(ConsoleConfig(port=free_port(), tls_certificate=path, tls_key=path), "test")
         assert "\n" not in str(refused.value)
 
 
@@ -192,7 +186,7 @@ def test_viser_that_opens_its_server_otherwise_is_refused(monkeypatch: pytest.Mo
     monkeypatch.setattr(PageServer, "__init__", lambda *_, **__: None)
 
     with pytest.raises(ConfigError, match=re.escape(f"viser {viser.__version__} opens its server in a way")):
-        open_server(ConsoleConfig(port=_free_port()), "test")
+        open_server(ConsoleConfig(port=free_port()), "test")
     assert websockets.asyncio.server.serve is serve
 
 

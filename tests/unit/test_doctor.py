@@ -33,7 +33,7 @@ from onboard.doctor.camera import camera, fits, plausible
 from onboard.doctor.ports import device, locks
 from onboard.doctor.ports import ports as vehicle_ports
 from simulation.doctor.graphics import graphics
-from tests.system.stack import free_ports
+from tests.machine import free_ports
 
 HERE = "tests.unit.test_doctor"
 

@@ -19,8 +19,8 @@ from onboard.helm.autopilot_link import AutopilotLink
 from onboard.helm.dialect.base import Kind
 from simulation.autopilot.config import AutopilotSimConfig
 from simulation.autopilot.process import AutopilotProcess
-from tests.system.stack import free_ports as free_tcp_ports
-from tests.unit.autopilot_rig import free_ports, settings
+from tests.machine import free_ports
+from tests.unit.autopilot_rig import settings
 from tests.unit.test_preflight_tool import BAD, GOOD, status
 
 
@@ -49,7 +49,7 @@ def short_wait(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def look(port: int) -> dict[str, Finding]:
-    absent = f"tcp/127.0.0.1:{free_tcp_ports(1)[0]}"
+    absent = f"tcp/127.0.0.1:{free_ports(1)[0]}"
     url = f"udpin://127.0.0.1:{port}"
     config = load_config("kite", [f"bus.onboard_router={absent}", f"helm.autopilot_url={url}"])
     return {f.subject: f for f in autopilot(config, ("onboard",))}

@@ -20,7 +20,7 @@ from common.messages import Command, HelmStatus, Request
 from common.node import ScriptedRun
 from onboard.helm.autopilot_link import AutopilotLink
 from onboard.helm.node import HelmNode
-from tests.unit.autopilot_rig import free_ports
+from tests.machine import free_ports
 from tests.unit.helm_double import SECTIONS
 from tests.unit.helm_rig import HelmRig
 
@@ -73,6 +73,7 @@ def flight() -> Iterator[Flight]:
 
 
 @pytest.mark.slow
+@pytest.mark.real_time
 def test_takeoff_chase_yield_loss_and_landing(flight: Flight):
     """One flight through all of it, as a boot and a takeoff cost 15 s."""
     assert flight.go(25.0, flight.gate_open), flight.status

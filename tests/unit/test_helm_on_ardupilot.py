@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from common.messages import Request
+from tests.machine import free_ports
 from tests.unit.arducopter import BRAKE, GUIDED, LAND, LOITER, ArduCopter
-from tests.unit.autopilot_rig import free_ports
 from tests.unit.helm_rig import HelmRig
 
 _ARM, _TAKEOFF, _MODE = 400, 22, 176
@@ -36,6 +36,7 @@ def start() -> Iterator[Callable[..., tuple[ArduCopter, HelmRig]]]:
 
 
 @pytest.mark.slow
+@pytest.mark.real_time
 def test_a_flight_on_ardupilot(start):
     """Gate, takeoff, hover, a request, a hang, a pilot's switch, helm stopped and started again, landing."""
     copter, rig = start()

@@ -13,7 +13,7 @@ from common.bus import Bus
 from common.cli import main
 from common.messages import HelmStatus, PreflightItem
 from common.session import BusConfig, open_router
-from tests.system.stack import free_ports
+from tests.machine import free_ports
 
 GOOD = PreflightItem(name="battery", ok=True, detail="87%; of 60 Wh")
 BAD = PreflightItem(name="home", ok=False, detail="not set; wait for the position estimate; then look again")

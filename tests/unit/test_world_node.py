@@ -18,6 +18,7 @@ from common.node import Output, ScriptedRun
 from common.truth import Truth
 from simulation.world.gl import GlMissingError
 from simulation.world.node import WorldNode
+from tests.machine import free_port
 
 SECTIONS = {"camera": "common.geometry.config:CamerasConfig", "world": "simulation.world.config:WorldConfig"}
 PERIOD_NS = 50_000_000
@@ -68,13 +69,6 @@ class Feeder:
             0,
         )
         self.udp.sendto(message.pack(self.mav), self.peer)
-
-
-def free_port() -> int:
-    """A UDP port that nobody has."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp:
-        udp.bind(("127.0.0.1", 0))
-        return udp.getsockname()[1]
 
 
 class World:

@@ -11,6 +11,7 @@ from common.geometry.rotation import euler_from_quat, quat_conjugate, quat_from_
 from simulation.world.config import WorldConfig
 from simulation.world.truth_filter import EARTH_RADIUS_M, Motion, motion_at, ned_from_geodetic, smoothed
 from simulation.world.truth_port import TruthPort, TruthPortError
+from tests.machine import free_port
 
 HOME = (47.397742, 8.545594, 488.0)
 STEP_M = 1e-7 * np.pi / 180 * EARTH_RADIUS_M
@@ -166,12 +167,6 @@ class Autopilot:
 
     def close(self) -> None:
         self.udp.close()
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp:
-        udp.bind(("127.0.0.1", 0))
-        return udp.getsockname()[1]
 
 
 def wait_for_pose(port: TruthPort) -> int:
