@@ -24,6 +24,16 @@ def _fill_slots(frame, table, slot_of_bin, left, top, right, bottom, slots):  # 
             slots[y, x] = slot_of_bin[table[0, frame[y, x, 0]] + table[1, frame[y, x, 1]] + table[2, frame[y, x, 2]]]
 
 
+@njit(nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
+def _taken_coefficient(lanes, mass, root_reference):  # type: ignore[no-untyped-def]
+    """Bhattacharyya coefficient of the histogram in the lanes, which are empty afterwards."""
+    rho = 0.0
+    for c in range(root_reference.shape[0]):
+        rho += math.sqrt(lanes[0, c] + lanes[1, c] + lanes[2, c] + lanes[3, c]) * root_reference[c]
+    lanes[:] = 0.0
+    return rho / math.sqrt(mass)
+
+
 @njit(nogil=True, error_model="numpy", fastmath={"contract"})
 def _fill_distances(slots, states, aspect, centers, half_width, half_height, root_reference, distances):  # type: ignore[no-untyped-def]
     rows, columns = slots.shape
@@ -44,7 +54,6 @@ def _fill_distances(slots, states, aspect, centers, half_width, half_height, roo
         for k in range(kernels):
             cx = states[i, 0] + centers[k, 0] * width * cosine - centers[k, 1] * height * sine
             cy = states[i, 1] + centers[k, 0] * width * sine + centers[k, 1] * height * cosine
-            lanes[:] = 0.0
             mass = 0.0
             for y in range(int(math.ceil(cy - reach)), int(math.floor(cy + reach)) + 1):
                 dy = y - cy
@@ -79,10 +88,7 @@ def _fill_distances(slots, states, aspect, centers, half_width, half_height, roo
                 x, y = int(math.floor(cx + 0.5)), int(math.floor(cy + 0.5))
                 if 0 <= x < columns and 0 <= y < rows:
                     lanes[0, slots[y, x]] = 1.0
-            rho = 0.0
-            for c in range(size):
-                rho += math.sqrt((lanes[0, c] + lanes[1, c] + lanes[2, c] + lanes[3, c]) / mass) * root_reference[k, c]
-            total += math.sqrt(max(0.0, 1.0 - rho))
+            total += math.sqrt(max(0.0, 1.0 - _taken_coefficient(lanes, mass, root_reference[k])))
         distances[i] = total / kernels
 
 
