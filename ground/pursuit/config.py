@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from common.config import NonNegative, Positive, Section
+from common.config import ConfigError, NonNegative, Positive, Section
 
 
 class PursuitConfig(Section, frozen=True, kw_only=True):
@@ -73,6 +73,17 @@ class PursuitConfig(Section, frozen=True, kw_only=True):
     """Largest heading rate that is asked for, rad/s."""
     yaw_doubt_rad: Positive = 0.5
     """With a larger standard deviation of the target's orientation the heading is left alone, rad."""
+    altitude: Literal["hold", "scale"] = "hold"
+    """Height: the vehicle's own, held (with `climb_m` above it, to keep or to find a target), or from the target's size
+    in the picture."""
+    altitude_m: NonNegative = 0.0
+    """Scale: wanted height over the target, m; 0 keeps the size that the target has at the start."""
+    target_size_m: NonNegative = 0.0
+    """Scale: square root of the target's area as seen from above, m; 0: unknown, and its size at the start is kept."""
+    altitude_gain_1_s: NonNegative = 0.4
+    """Scale: vertical speed per metre of error, 1/s, within `climb_m_s` and `sink_m_s`."""
+    altitude_memory_s: Positive = 0.6
+    """Scale: time over which the size is averaged, s."""
     target_height_m: NonNegative = 0.3
     """Height of the target's visible top above the ground at home, m."""
     process_m_s2: Positive = 1.5
@@ -88,3 +99,11 @@ class PursuitConfig(Section, frozen=True, kw_only=True):
     """Seed of the tracker's randomness."""
     history_s: Positive = 1.5
     """How long vehicle states and pictures are kept for looking up a capture time, s."""
+
+    def check(self) -> None:
+        """Raise ConfigError when a height is wanted over a target of unknown size, or the other way round."""
+        if (self.altitude_m > 0.0) != (self.target_size_m > 0.0):
+            raise ConfigError(
+                f"altitude_m: got {self.altitude_m} with target_size_m {self.target_size_m}; expected both, for that "
+                "height over a target of that size, or neither, to keep the size that it has at the start"
+            )

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from common.geometry.camera import Camera
 from common.tracking.base import Box, SearchingTracker, Tracker, TrackResult
+from ground.pursuit.altitude import AltitudeLaw, height_over_size, is_cut
 from ground.pursuit.config import PursuitConfig
 from ground.pursuit.control import ChaseLaw, Wish
 from ground.pursuit.view import Pose, View, look
@@ -43,6 +44,7 @@ class Pursuer:
         self._config = config
         self._make_tracker = make_tracker
         self._law = ChaseLaw(config)
+        self._altitude = AltitudeLaw(config) if config.altitude == "scale" else None
         self._tracker: Tracker | None = None
         self._seeking = False
         self._newest_ns = 0
@@ -110,12 +112,17 @@ class Pursuer:
         tracker.init(frame, box, angle_rad, capture_ns)
         self._tracker, self._newest_ns = tracker, capture_ns
         self._seeking = False
-        self._law.reset()
+        self._reset_laws()
 
     def drop(self) -> None:
         """Forget the target."""
         self._tracker, self._seeking = None, False
+        self._reset_laws()
+
+    def _reset_laws(self) -> None:
         self._law.reset()
+        if self._altitude is not None:
+            self._altitude.reset()
 
     def step(self, frame: np.ndarray, capture_ns: int, camera: Camera | None, pose: Pose | None) -> Pursued | None:
         """Track, look, steer.
@@ -150,7 +157,18 @@ class Pursuer:
             wish = self._law.follow(view, pose, capture_ns, result.angle_std_rad)
         else:
             wish = self._law.coast(pose, capture_ns)
+        if self._altitude is not None:
+            wish = replace(wish, climb_m_s=self._climb_m_s(self._altitude, result, view, camera, pose, capture_ns))
         return Pursued(result, view, wish)
+
+    def _climb_m_s(
+        self, law: AltitudeLaw, result: TrackResult, view: View | None, camera: Camera, pose: Pose, capture_ns: int
+    ) -> float:
+        """Upward velocity that keeps the target's size; none while it is not seen, or not seen whole."""
+        if result.state != "tracking" or result.repeated or view is None or is_cut(camera, result):
+            return law.freeze()
+        height_m = -float(pose.ned_p_m[2]) - self._config.target_height_m
+        return law.climb(height_over_size(camera, view.tangents, result), height_m, capture_ns)
 
 
 def _searching(tracker: Tracker) -> SearchingTracker:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -60,3 +62,18 @@ def test_the_orientation_form_keeps_closer_to_the_car(flown: Episode) -> None:
     errors_m, plain_m = leaning.trace.column("error_m")[100:], flown.trace.column("error_m")[100:]
     assert np.sqrt(np.mean(errors_m**2)) < 0.8 * np.sqrt(np.mean(plain_m**2))
     assert leaning.trace.column("seen")[5:].mean() > 0.9
+
+
+def test_a_height_half_too_large_returns_to_the_wanted_one() -> None:
+    scenario = drawn(load_scenario("chase"), 3)
+    size_m = math.sqrt(scenario.car.length_m * scenario.car.width_m)
+    settings = ("altitude=scale", "altitude_m=4.0", f"target_size_m={size_m}", "sink_m_s=0.8")
+    config = load_config("kite", [f"pursuit.{setting}" for setting in settings])
+    episode = Episode(config, scenario, 3, height_m=6.0 + scenario.car.height_m)
+    episode.fly(7.0)
+
+    above_m = episode.trace.column("height_m") - scenario.car.height_m
+    assert above_m[0] > 5.6
+    assert above_m[-20:] == pytest.approx(np.full(20, 4.0), abs=0.4)
+    assert above_m.min() > 3.5
+    assert episode.trace.column("seen")[5:].mean() > 0.9
