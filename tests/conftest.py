@@ -24,6 +24,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--pose", choices=("truth", "local"), default="truth", help="with --autopilot: as `outrider sim`")
 
 
+@pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Mark every test by its folder; with another autopilot, leave out what needs ours; group for several processes."""
     for item in items:
