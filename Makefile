@@ -15,7 +15,7 @@ SHELL := /bin/bash
 PYTHON := .venv/bin/python
 PYTEST := $(PYTHON) -m pytest
 # On two cores at once: tests/conftest.py says what stays together. System and browser tests need the machine to themselves.
-TWO_CORES := -n 2 --dist loadgroup --no-loadscope-reorder
+TWO_CORES := -n 2 --dist loadfile --no-loadscope-reorder
 SETUP_FILES := pyproject.toml constraints.txt scripts/setup.sh
 # More for one command: make demo ARGS="--headless --duration 120"
 ARGS ?=

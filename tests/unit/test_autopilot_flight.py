@@ -138,7 +138,6 @@ def wait(what: str, condition: Callable[[], bool], limit_s: float) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.real_time
 @pytest.mark.timeout(90)
 def test_mavsdk_flies_it_as_it_flies_px4(pilot: Pilot) -> None:
     telemetry = pilot.telemetry

@@ -73,7 +73,6 @@ def flight() -> Iterator[Flight]:
 
 
 @pytest.mark.slow
-@pytest.mark.real_time
 def test_takeoff_chase_yield_loss_and_landing(flight: Flight):
     """One flight through all of it, as a boot and a takeoff cost 15 s."""
     assert flight.go(25.0, flight.gate_open), flight.status

@@ -36,7 +36,6 @@ def start() -> Iterator[Callable[..., tuple[ArduCopter, HelmRig]]]:
 
 
 @pytest.mark.slow
-@pytest.mark.real_time
 def test_a_flight_on_ardupilot(start):
     """Gate, takeoff, hover, a request, a hang, a pilot's switch, helm stopped and started again, landing."""
     copter, rig = start()
