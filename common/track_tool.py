@@ -25,6 +25,8 @@ COLUMNS = ("frame", "x", "y", "w", "h", "angle_deg", "score", "state")
 NAMES = {"pursuit": "particle_filter", **{name: name for name in TRACKERS}}
 """Names of `--tracker`: the node that a tracker serves, or its own."""
 _DEFAULT_RATE_HZ = 25.0
+_LIVE = ("rtsp://", "rtsps://", "v4l2:", "/dev/")
+"""How the sources begin that the camera node reads, and no file does."""
 _COLOURS: dict[State, tuple[int, int, int]] = {
     "tracking": (60, 220, 60),
     "reacquired": (255, 200, 0),
@@ -110,6 +112,8 @@ def rows(job: TrackJob, config: Config, source: FileSource) -> Iterator[tuple[Ro
     """
     if (job.init is None) == (job.model is None):
         raise ConfigError("track: expected either --init x,y,w,h or --model IMAGE; give one of them")
+    if job.init_frame < 0:
+        raise ConfigError(f"--init-frame: got {job.init_frame}, expected the number of a picture, from 0")
     name = NAMES.get(job.tracker, job.tracker)
     tracker_class(name)
     tracker = make_tracker(name, config, np.random.default_rng(job.seed))
@@ -187,6 +191,12 @@ def run(job: TrackJob, config: Config, out: str | None, video: str | None) -> in
         ConfigError: anything that cannot be used as given; no file is left half written then but the ones begun.
     """
     cv2.setNumThreads(1)
+    if job.rate_hz is not None and not 0.0 < job.rate_hz < math.inf:
+        raise ConfigError(f"--rate: got {job.rate_hz:g}, expected pictures a second, above 0")
+    if job.source.startswith(_LIVE):
+        raise ConfigError(
+            f"track: got {job.source!r}, a live camera, expected a video file or an image folder; record it first"
+        )
     source = FileSource(job.source, loop=False, option="track")
     counts: dict[str, int] = dict.fromkeys(_COLOURS, 0)
     with ExitStack() as stack:

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -141,6 +142,47 @@ def test_forbidden_device_is_refused_with_the_cure(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(live.os, "access", lambda path, mode: False)
     with pytest.raises(ConfigError, match="forbidden to this user; add it to the group `video`"):
         LiveSource("/dev/null", 640, 480, 20.0)
+
+
+def test_a_device_is_opened_through_v4l2_and_asked_for_size_rate_and_no_queue(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Any] = []
+
+    class Device(Script):
+        def set(self, name: int, value: float) -> bool:
+            asked.append((name, value))
+            return True
+
+    def opened(path: str, backend: int) -> Script:
+        asked.append((path, backend))
+        return device()
+
+    device = Device(1)
+    monkeypatch.setattr(live, "_check_device", lambda path: None)
+    monkeypatch.setattr(live.cv2, "VideoCapture", opened)
+    source = LiveSource("v4l2:2", 320, 240, 15.0)
+    assert _wait(source.take).frame.shape == (48, 64, 3)
+    device.hang.set()
+    source.close()
+    assert asked[:5] == [
+        ("/dev/video2", cv2.CAP_V4L2),
+        (cv2.CAP_PROP_FRAME_WIDTH, 320),
+        (cv2.CAP_PROP_FRAME_HEIGHT, 240),
+        (cv2.CAP_PROP_FPS, 15.0),
+        (cv2.CAP_PROP_BUFFERSIZE, 1),
+    ]
+
+
+def test_a_device_that_opencv_cannot_open_is_named_once_and_tried_again(
+    monkeypatch: pytest.MonkeyPatch, quick: None, caplog: pytest.LogCaptureFixture
+) -> None:
+    """OpenCV's own V4L2 code on a device that answers none of its calls: what an unplugged camera's node does."""
+    monkeypatch.setattr(live, "_V4L2_MAJOR", 1)  # memory devices, /dev/null among them
+    source = LiveSource("/dev/null", 640, 480, 20.0)
+    _wait(lambda: "/dev/null" in caplog.text)
+    time.sleep(0.2)
+    source.close()
+    assert caplog.text.count("the camera at /dev/null cannot be reached; trying again until it answers") == 1
+    assert source.take() is None
 
 
 def test_node_stamps_by_arrival_and_fits_the_calibration(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -131,6 +131,10 @@ def test_upright_box_encloses_the_ellipse(angle_deg: float, expected: tuple[floa
         (("--init", "900,10,50,50"), "expected most of it in the 640x480 px picture"),
         (("--init", "nan,10,50,50"), "expected finite"),
         (("--init", "32,216,96,48", "--init-frame", "99"), "--init-frame: got 99, expected at most 25"),
+        (("--init", "32,216,96,48", "--init-frame", "-3"), "--init-frame: got -3, expected the number of a picture"),
+        (("--init", "32,216,96,48", "--rate", "0"), "--rate: got 0, expected pictures a second, above 0"),
+        (("--init", "32,216,96,48", "--rate", "nan"), "--rate: got nan, expected pictures a second, above 0"),
+        (("--init", "", "--tracker", "pursuit"), "--init: got '', expected x,y,w,h in px"),
         (("--init", "32,216,96,48", "--tracker", "persuit"), "tracker: got 'persuit'"),
         (("--init", "32,216,96,48", "--out", "/no/such/folder/a.csv"), "--out: cannot write"),
         (("--init", "32,216,96,48", "--video", "/no/such/folder/a.mp4"), "--video: cannot write"),
@@ -175,6 +179,13 @@ def test_unreadable_source_gets_one_line(
         path.write_bytes(content)
     assert _track(path, "--init", "1,1,20,20") == 2
     assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("source", ["/dev/video0", "v4l2:0", "rtsp://127.0.0.1:1/down"])
+def test_a_live_camera_is_refused_in_one_line(source: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert _track(source, "--init", "1,1,20,20") == 2
+    said = capsys.readouterr().err.strip()
+    assert "a live camera, expected a video file or an image folder; record it first" in said and "\n" not in said
 
 
 def test_init_and_model_exclude_each_other(tmp_path: Path) -> None:
