@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -31,23 +32,35 @@ def _outrider(
     )
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("onboard", "--set", "helm.autopilot_url=udp:/127.0.0.1"), ("autopilot_url", "udp:/127.0.0.1", "udpin://")),
-        (("onboard", "--set", "helm.freshnes_s=0.2"), ("freshnes_s", "did you mean 'freshness_s'")),
-        (("onboard", "--set", "helmm.freshness_s=0.2"), ("helmm", "did you mean 'helm'")),
-        (("onboard", "--set", "helm.freshness_s=fast"), ("freshness_s", "float")),
-        (("onboard", "--config", "kyte"), ("kyte", "kite")),
-        (("onboard", "--source", "no/such/film.avi"), ("no/such/film.avi", "does not exist")),
-        (("sim", "--scenario", "mars"), ("mars", "chase")),
-        (("node", "persuit"), ("persuit", "did you mean 'pursuit'")),
-        (("ground", "--without", "camera"), ("camera", "console")),
-        (("do", "jump"), ("jump", "takeoff")),
-    ],
-)
-def test_wrong_command_line_is_one_clear_line(arguments: tuple[str, ...], words: tuple[str, ...]) -> None:
-    result = _outrider(*arguments)
+WRONG = [
+    (("onboard", "--set", "helm.autopilot_url=udp:/127.0.0.1"), ("autopilot_url", "udp:/127.0.0.1", "udpin://")),
+    (("onboard", "--set", "helm.freshnes_s=0.2"), ("freshnes_s", "did you mean 'freshness_s'")),
+    (("onboard", "--set", "helmm.freshness_s=0.2"), ("helmm", "did you mean 'helm'")),
+    (("onboard", "--set", "helm.freshness_s=fast"), ("freshness_s", "float")),
+    (("onboard", "--config", "kyte"), ("kyte", "kite")),
+    (("onboard", "--source", "no/such/film.avi"), ("no/such/film.avi", "does not exist")),
+    (("sim", "--scenario", "mars"), ("mars", "chase")),
+    (("node", "persuit"), ("persuit", "did you mean 'pursuit'")),
+    (("ground", "--without", "camera"), ("camera", "console")),
+    (("do", "jump"), ("jump", "takeoff")),
+]
+
+
+@pytest.fixture(scope="module")
+def wrong_starts() -> dict[tuple[str, ...], subprocess.CompletedProcess[str]]:
+    """What each wrong command line came to: they run at once, since each is a second of imports."""
+    lines = [arguments for arguments, _ in WRONG]
+    with ThreadPoolExecutor(4) as at_once:
+        return dict(zip(lines, at_once.map(lambda line: _outrider(*line), lines), strict=True))
+
+
+@pytest.mark.parametrize(("arguments", "words"), WRONG)
+def test_wrong_command_line_is_one_clear_line(
+    wrong_starts: dict[tuple[str, ...], subprocess.CompletedProcess[str]],
+    arguments: tuple[str, ...],
+    words: tuple[str, ...],
+) -> None:
+    result = wrong_starts[arguments]
     assert result.returncode == 2, result.stderr
     lines = result.stderr.splitlines()
     assert any(all(word in line for word in words) for line in lines), result.stderr

@@ -56,7 +56,7 @@ def test_processes_die_in_flight(make_flight: MakeFlight) -> None:
     flight.take_off()
     flight.chase()
     settled_ns = time.monotonic_ns() + 4_000_000_000
-    time.sleep(14)
+    time.sleep(10)
     errors = [math.dist(r.message.ned_p_m[:2], r.message.target_ned_p_m[:2]) for r in flight.truth.since(settled_ns)]
     assert len(errors) > 100
     assert max(errors) < 1.2

@@ -71,14 +71,14 @@ def test_stick_changes_hands(make_flight: MakeFlight) -> None:
     )
     flight.take_off()
     flight.chase()
-    time.sleep(5)
+    flight.wait("place over the car", lambda: flight.error_m < 1.5, 10)
 
     # A ground station commands HOLD: helm lets go at once and stays away until told otherwise.
     _ground_station_holds(flight.stack.gcs_port)
     flight.wait("helm to yield", lambda: flight.state == "yielded", 3)
     assert "engage" in flight.status.last.reason.lower()
     time.sleep(1.5)
-    _stays_yielded(flight, 4)
+    _stays_yielded(flight, 3)
     flight.must("helm/do/engage")
     flight.wait("hold", lambda: flight.state == "hold", 5)
     if not flight.tracking:

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -33,6 +34,12 @@ def outrider_topics(stack: Stack, *arguments: str) -> subprocess.CompletedProces
     )
 
 
+def at_once(stack: Stack, *commands: tuple[str, ...]) -> list[subprocess.CompletedProcess[str]]:
+    """Run several commands beside each other; they mostly wait."""
+    with ThreadPoolExecutor() as pool:
+        return list(pool.map(lambda words: outrider_topics(stack, *words), commands))
+
+
 def test_the_live_bus_is_listed_measured_and_printed(stack: Stack) -> None:
     session = Seen(stack.bus("ground"), "session")
     deadline = time.monotonic() + 20
@@ -40,9 +47,12 @@ def test_the_live_bus_is_listed_measured_and_printed(stack: Stack) -> None:
         assert time.monotonic() < deadline, stack.logs()
         time.sleep(0.05)
 
-    listed = outrider_topics(stack, "--seconds", "3")
-    measured = outrider_topics(stack, "hz", "session", "helm/state", "--seconds", "4")
-    echoed = outrider_topics(stack, "echo", "session", "--count", "2")
+    listed, measured, echoed = at_once(
+        stack,
+        ("--seconds", "3"),
+        ("hz", "session", "helm/state", "--seconds", "4"),
+        ("echo", "session", "--count", "2"),
+    )
 
     lines = {line.split()[0]: line for line in listed.stdout.splitlines()}
     assert "1.0 Hz" in lines["session"] and "router-onboard" in lines["session"], listed.stdout
@@ -59,9 +69,8 @@ def test_the_live_bus_is_listed_measured_and_printed(stack: Stack) -> None:
 
 
 def test_a_wrong_name_is_one_line_and_exit_code_two(stack: Stack) -> None:
-    for verb in ("hz", "echo"):
-        result = outrider_topics(stack, verb, "sesion")
-
+    stack.bus("ground")  # waits for the router
+    for result in at_once(stack, ("hz", "sesion"), ("echo", "sesion")):
         assert result.returncode == 2
         assert result.stderr.strip().splitlines()[-1].endswith("unknown topic 'sesion'; did you mean 'session'?")
         assert "Traceback" not in result.stderr
