@@ -32,10 +32,11 @@ from onboard.camera.config import VideoConfig
 from onboard.helm.arbiter import Candidate, arbitrate
 from onboard.helm.config import HelmConfig
 from onboard.helm.dialect.px4 import PX4
-from onboard.helm.pilot import Pilot, View
+from onboard.helm.pilot import Pilot
 from onboard.helm.setpoint import LocalSetpoint
 from onboard.helm.telemetry import AttitudeSample, PositionSample, Telemetry
 from onboard.limiter.config import LimiterConfig
+from onboard.limiter.map import NOTHING_KNOWN
 from simulation.autopilot.config import AutopilotSimConfig
 from simulation.autopilot.control import heading
 from simulation.autopilot.modes import Mode
@@ -173,7 +174,7 @@ class Episode:
         yaw_rad = telemetry.attitude.yaw_rad if telemetry.attitude else 0.0
         candidates = [self._request] if self._request is not None else []
         verdict = arbitrate(candidates, t_ns, yaw_rad, self._helm.freshness_s)
-        flown = self._pilot.fly(verdict, telemetry, View(None), t_ns)
+        flown = self._pilot.fly(verdict, telemetry, NOTHING_KNOWN, t_ns)
         if flown is not None:
             self._send(flown.local)
 

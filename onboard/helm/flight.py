@@ -95,7 +95,7 @@ class Flight:
             return None
         for source, reason in self.verdict.refused:
             self.machine.counters[f"{source}: {reason}"] += 1
-        return self.pilot.fly(self.verdict, seen.telemetry, seen.view, t_ns)
+        return self.pilot.fly(self.verdict, seen.telemetry, seen.around, t_ns)
 
     def sent(self, flown: Flown, ok: bool, t_ns: int) -> None:
         """Note that the link took a setpoint, or could not."""

@@ -10,9 +10,7 @@ from common.helm_lock import HelmLock, require_free_port
 from common.messages import (
     CameraInfo,
     HelmStatus,
-    LimiterStatus,
     Message,
-    Obstacle,
     Obstacles,
     Request,
     Track,
@@ -26,19 +24,20 @@ from onboard.helm.autopilot_link import AutopilotLink
 from onboard.helm.commands import COMMANDS, obey
 from onboard.helm.config import HelmConfig
 from onboard.helm.flight import Flight
-from onboard.helm.pilot import View
 from onboard.helm.preflight import CameraView, gate
-from onboard.helm.seen import BLIND, Seen, TrackView
+from onboard.helm.seen import Seen, TrackView
 from onboard.helm.telemetry import AttitudeSample, Telemetry
 from onboard.limiter.config import LimiterConfig
+from onboard.limiter.law import monotone
 from onboard.limiter.limiter import Limited, limit
-from onboard.limiter.status import sectors_m
+from onboard.limiter.map import NOTHING_KNOWN, ObstacleMap
+from onboard.limiter.status import limiter_status
+from onboard.limiter.surroundings import Surroundings
 
 _REQUESTS = ("helm/request/operator", "helm/request/pursuit")
 _OBSTACLES = ("obstacles/depth", "obstacles/people", "obstacles/circles")
 _STATUS_PERIOD_S = 0.2
 _LIMITER_PERIOD_S = 0.1
-_OBSTACLES_MAX_AGE_S = 1.0
 _EXTRAPOLATE_S = 0.2
 
 
@@ -55,7 +54,7 @@ class HelmNode(Node):
 
     Raises:
         HelmTaken: another helm on this machine holds the link.
-        ConfigError: the URL cannot be opened.
+        ConfigError: the URL cannot be opened, or the limiter's curve does not fall at the largest speed.
     """
 
     inputs = (*_REQUESTS, *_OBSTACLES, "camera/down/info", "pursuit/track")
@@ -68,10 +67,13 @@ class HelmNode(Node):
         super().__init__(config, name)
         self.helm = config.section(HelmConfig)
         self.limiter = config.section(LimiterConfig)
+        if self.limiter.strategy == "proposed":
+            monotone(self.helm.containment.speed_m_s, self.limiter)
         self.flight = Flight(self.helm, self.limiter)
         self._lock: HelmLock | None = None
         self._link: Link = self._open() if link is None else link
         self._telemetry = Telemetry()
+        self._map = ObstacleMap(self.limiter)
         self._limited: Limited | None = None
         self._status_ns = 0
         self._limiter_ns = 0
@@ -142,7 +144,7 @@ class HelmNode(Node):
             results=tuple(self._link.results()) if results else (),
             operator=_candidate(inputs, "operator"),
             pursuit=_candidate(inputs, "pursuit"),
-            view=_surroundings(inputs, t_ns),
+            around=self._around(inputs, t_ns),
             track=None
             if track is None
             else TrackView(track.message.state == "tracking", (t_ns - track.received_ns) / 1e9),
@@ -174,48 +176,33 @@ class HelmNode(Node):
         )
         return (Output("helm/status", status),)
 
+    def _around(self, inputs: Inputs, t_ns: int) -> Surroundings | None:
+        """The obstacle map, brought up to now."""
+        ned_p_m, position = self._telemetry.ned_p_m(), self._telemetry.position
+        if ned_p_m is None or position is None:
+            return None if self.limiter.required else NOTHING_KNOWN
+        north, east, down = ned_p_m
+        v_n, v_e, v_d = position.ned_v_m_s
+        dt_s = min(max((t_ns - position.stamp_ns) / 1e9, 0.0), _EXTRAPOLATE_S)
+        here = (north + v_n * dt_s, east + v_e * dt_s, down + v_d * dt_s)
+        self._map.follow(here, t_ns)
+        for name in _OBSTACLES:
+            received = inputs.latest(name, Obstacles)
+            if received is not None:
+                self._map.hear(name, received.message, received.header.capture_ns)
+        return self._map.now(here, t_ns)
+
     def _limited_now(self, seen: Seen) -> Limited:
         """What the limiter did to the newest setpoint; without one, what it would do to hover."""
         if self._limited is not None and self.flight.streaming(self._telemetry):
             return self._limited
-        return limit((0.0, 0.0, 0.0), seen.view.obstacles, self.limiter)
+        return limit((0.0, 0.0, 0.0), seen.around, self.limiter)
 
     def _limiter_status(self, seen: Seen, t_ns: int) -> Iterable[Output]:
         if (t_ns - self._limiter_ns) / 1e9 < _LIMITER_PERIOD_S:
             return ()
         self._limiter_ns = t_ns
-        limited, obstacles, law = self._limited_now(seen), seen.view.obstacles or (), self.limiter
-        nearest = min(obstacles, key=lambda o: o.distance_m, default=None)
-        asked = math.hypot(*limited.asked_ned_v_m_s)
-        blind = limited.zone == "blind"
-        status = LimiterStatus(
-            zone=limited.zone,
-            distance_m=limited.distance_m,
-            ned_direction=nearest.ned_direction if nearest else (0.0, 0.0, 0.0),
-            asked_m_s=asked,
-            allowed_m_s=math.hypot(*limited.ned_v_m_s),
-            why=("no data" if blind else "curve") if limited.changed else "clear",
-            label=nearest.label if nearest else "",
-            h_min_m=law.h_min_m,
-            h_desired_m=law.h_desired_m,
-            h_mid_m=law.h_mid_m,
-            h_max_m=law.h_max_m,
-            sectors_m=sectors_m(obstacles),
-        )
-        return (Output("helm/limiter", status),)
-
-
-def _surroundings(inputs: Inputs, t_ns: int) -> View:
-    """Obstacles of all sources that are fresh, with the age of the oldest."""
-    obstacles: list[Obstacle] = []
-    ages_s: list[float] = []
-    for name in _OBSTACLES:
-        received = inputs.latest(name, Obstacles)
-        if received is None or (age_s := (t_ns - received.header.capture_ns) / 1e9) >= _OBSTACLES_MAX_AGE_S:
-            continue
-        obstacles.extend(received.message.obstacles)
-        ages_s.append(max(age_s, 0.0))
-    return View(obstacles, max(ages_s)) if ages_s else BLIND
+        return (Output("helm/limiter", limiter_status(self._limited_now(seen), seen.around, self.limiter)),)
 
 
 def _candidate(inputs: Inputs, source: str) -> Candidate | None:

@@ -6,11 +6,10 @@ The limiter comes last: there is no path around it, for the climb to the held he
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from common.geometry.rotation import wrap_angle
-from common.messages import Obstacle, Setpoint, Vec3
+from common.messages import Setpoint, Vec3
 from onboard.helm.arbiter import Verdict
 from onboard.helm.config import HelmConfig
 from onboard.helm.containment import contain, slew
@@ -18,6 +17,7 @@ from onboard.helm.setpoint import AccelerationSetpoint, LocalSetpoint, hover_vel
 from onboard.helm.telemetry import Telemetry
 from onboard.limiter.config import LimiterConfig
 from onboard.limiter.limiter import Limited, limit
+from onboard.limiter.surroundings import Surroundings
 
 _STEP_MAX_S = 0.1
 _HORIZON_MIN_S = 0.2
@@ -25,16 +25,6 @@ _STILL_M_S = 0.4
 _BRAKE_MAX_S = 4.0
 _HEIGHT_LEAD_M = 1.0
 _HEADING_LEAD_RAD = 0.5
-
-
-@dataclass(frozen=True)
-class View:
-    """Obstacles as helm sees them now."""
-
-    obstacles: Sequence[Obstacle] | None
-    """None without fresh data."""
-    age_s: float = 0.0
-    """Age of the distances, s."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +57,7 @@ class Pilot:
         self._hover_since_ns: int | None = None
         self._last_v: Vec3 = (0.0, 0.0, 0.0)
         self._last_ns = 0
-        self._has_seen_obstacles = False
+        self._braking: Vec3 = (0.0, 0.0, 0.0)
 
     def reset(self, telemetry: Telemetry, t_ns: int, height_m: float | None = None) -> None:
         """Start from where the vehicle is: its height (or the one given, m above home), heading and velocity."""
@@ -76,11 +66,19 @@ class Pilot:
         self._yaw_rad = attitude.yaw_rad if attitude else math.nan
         north, east, _ = position.ned_v_m_s if position else (0.0, 0.0, 0.0)
         self._last_v = (north, east, 0.0)
+        self._braking = (0.0, 0.0, 0.0)
         self._anchor_m, self._hover_since_ns = None, None
         self._last_ns = t_ns
 
-    def fly(self, verdict: Verdict, telemetry: Telemetry, view: View, t_ns: int) -> Flown | None:
-        """The setpoint for this control cycle; None without an estimate of position and heading."""
+    def fly(self, verdict: Verdict, telemetry: Telemetry, around: Surroundings | None, t_ns: int) -> Flown | None:
+        """The setpoint for this control cycle; None without an estimate of position and heading.
+
+        Args:
+            verdict: who is obeyed, and what is asked.
+            telemetry: the autopilot.
+            around: obstacles and sight now; None where the vehicle must stand still.
+            t_ns: now.
+        """
         ned_p_m, position, attitude = telemetry.ned_p_m(), telemetry.position, telemetry.attitude
         if ned_p_m is None or position is None or attitude is None:
             return None
@@ -90,10 +88,12 @@ class Pilot:
         self._last_ns = t_ns
         bounds = self._config.containment
         if verdict.ned_a_m_s2 is None:
-            wanted = self._wanted(verdict, ned_p_m, position.ned_v_m_s, dt_s, t_ns)
+            intended, rate = self._wanted(verdict, ned_p_m, position.ned_v_m_s, t_ns)
+            intended = contain(intended, ned_p_m, bounds)
+            wanted = slew(intended, self._last_v, rate, dt_s)
         else:
-            wanted = self._led_to(verdict.ned_a_m_s2, verdict.ned_v_m_s[2], position.ned_v_m_s)
-        limited = self._limit(contain(wanted, ned_p_m, bounds), telemetry, position.ned_v_m_s, view, dt_s)
+            intended = wanted = self._led_to(verdict.ned_a_m_s2, verdict.ned_v_m_s[2], position.ned_v_m_s)
+        limited = self._limit(contain(wanted, ned_p_m, bounds), intended, telemetry, around, dt_s)
         yaw_rate = self._turn(verdict.yaw_rate_rad_s, attitude.yaw_rad, dt_s)
         home_z = telemetry.home_local_m[2] if telemetry.home_local_m else 0.0
         north, east, down = limited.ned_v_m_s
@@ -112,15 +112,13 @@ class Pilot:
         )
         return Flown(local, message, limited)
 
-    def _wanted(self, verdict: Verdict, ned_p_m: Vec3, ned_vehicle_v_m_s: Vec3, dt_s: float, t_ns: int) -> Vec3:
-        """The asked velocity, or the hover's, its change since the last setpoint limited; NED, m/s."""
+    def _wanted(self, verdict: Verdict, ned_p_m: Vec3, ned_vehicle_v_m_s: Vec3, t_ns: int) -> tuple[Vec3, float]:
+        """The asked velocity, or the hover's, NED, m/s, and how fast the setpoint may change towards it, m/s²."""
         bounds = self._config.containment
         if verdict.ned_v_m_s[:2] == (0.0, 0.0):
-            wanted, rate = self._hover(verdict.ned_v_m_s[2], ned_p_m, ned_vehicle_v_m_s, t_ns), bounds.braking_m_s2
-        else:
-            self._anchor_m, self._hover_since_ns = None, None
-            wanted, rate = verdict.ned_v_m_s, bounds.acceleration_m_s2
-        return slew(contain(wanted, ned_p_m, bounds), self._last_v, rate, dt_s)
+            return self._hover(verdict.ned_v_m_s[2], ned_p_m, ned_vehicle_v_m_s, t_ns), bounds.braking_m_s2
+        self._anchor_m, self._hover_since_ns = None, None
+        return verdict.ned_v_m_s, bounds.acceleration_m_s2
 
     def _led_to(self, ned_a_m_s2: tuple[float, float], down_m_s: float, ned_vehicle_v_m_s: Vec3) -> Vec3:
         """Velocity that an acceleration, cut to its maximum, leads to within the braking horizon; NED, m/s.
@@ -158,7 +156,7 @@ class Pilot:
         return (north, east, down_m_s)
 
     def _limit(
-        self, ned_v_m_s: Vec3, telemetry: Telemetry, ned_vehicle_v_m_s: Vec3, view: View, dt_s: float
+        self, ned_v_m_s: Vec3, intended: Vec3, telemetry: Telemetry, around: Surroundings | None, dt_s: float
     ) -> Limited:
         """The limiter over the whole motion that the setpoint will cause, climbing to the held height included.
 
@@ -171,15 +169,17 @@ class Pilot:
         held_m = min(max(self._height_m - ned_v_m_s[2] * dt_s, low), high)
         lead_m = min(max(held_m - height_m, -_HEIGHT_LEAD_M), _HEIGHT_LEAD_M)
         down_m_s = -gain_1_s * lead_m
-        self._has_seen_obstacles |= view.obstacles is not None
         limited = limit(
             (ned_v_m_s[0], ned_v_m_s[1], down_m_s),
-            view.obstacles,
+            around,
             self._limiter,
-            ned_vehicle_v_m_s=ned_vehicle_v_m_s,
-            age_s=view.age_s,
-            required=self._limiter.required or self._has_seen_obstacles,
+            ned_vehicle_v_m_s=telemetry.position.ned_v_m_s if telemetry.position else (0.0, 0.0, 0.0),
+            ned_intended_v_m_s=(intended[0], intended[1], down_m_s),
+            ned_p_m=telemetry.ned_p_m(),
+            braking_ned_v_m_s=self._braking,
+            dt_s=dt_s,
         )
+        self._braking = limited.braking_ned_v_m_s
         north, east, limited_down = limited.ned_v_m_s
         cut = limited_down != down_m_s
         self._height_m = height_m + (-limited_down / gain_1_s if cut else lead_m)

@@ -6,12 +6,10 @@ from dataclasses import dataclass
 
 from onboard.helm.actions import ActionResult
 from onboard.helm.arbiter import Candidate
-from onboard.helm.pilot import View
 from onboard.helm.preflight import CameraView
 from onboard.helm.telemetry import Telemetry
-
-BLIND = View(None)
-"""No obstacle data."""
+from onboard.limiter.map import NOTHING_KNOWN
+from onboard.limiter.surroundings import Surroundings
 
 
 @dataclass(frozen=True)
@@ -36,8 +34,8 @@ class Seen:
     """Newest request of the operator."""
     pursuit: Candidate | None = None
     """Newest request of the chase."""
-    view: View = BLIND
-    """Obstacles."""
+    around: Surroundings | None = NOTHING_KNOWN
+    """Obstacles and sight; None where the vehicle must stand still."""
     track: TrackView | None = None
     """The tracker; None when it has never spoken."""
     camera: CameraView | None = None

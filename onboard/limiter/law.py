@@ -1,20 +1,22 @@
-"""The repulsive velocity law for one obstacle, and the bound of what can be stopped (Al-Kaff 2019, section 5.1.1).
+"""The comfortable curve and the hard braking bound for the distance to an obstacle: pure functions over arrays.
 
-The operator's or task's velocity component towards an obstacle, v_i, becomes v_i - v_rep (eq. 19) with
+The component v_i of the asked velocity towards an obstacle becomes v_i - v_rep (Al-Kaff 2019, eq. 19) with
 
-    v_rep(h) = a/h + b/h²                                  (eq. 20)
-    b = (v_max - v_i h_desired/h_min) / (1/h_min² - 1/(h_min h_desired)),  a = v_i h_desired - b/h_desired   (eq. 21)
+    v_rep(h) = a/h + b/h²                                                                            (eq. 20)
+    b = (v_max - v_i h_desired/h_min) / (1/h_min² - 1/(h_min h_desired)),  a = v_i h_desired - b/h_desired    (eq. 21)
 
-so that v_rep passes through (h_desired, v_i), where the vehicle stops, and (h_min, v_max).
+which passes through (h_desired, v_i), where the vehicle stops, and (h_min, v_max). Two other strategies are
+selectable: time to impact, v_rep = v_i h_desired/h, and the Dynamic Parametric Field (Brandt & Colton 2010), piecewise
+linear in h whatever v_i.
 
 Where we differ from the print, and why:
 - The curve does not vanish at h_max and would step there: it is blended in over a band below h_max.
-- With v_i far below v_max, a is negative and so is v_rep at long range: the printed law would speed up.
-  Clamped at zero.
-- With v_i above v_max the curve has its peak beyond h_min and lets the vehicle through: v_max is raised to
-  v_i h_desired/h_min there (then b = 0, the time-to-impact hyperbola).
 - Below h_min v_rep stays at v_max instead of growing without bound.
-- The result is not negative: this version slows down and stops, it does not back away.
+- v_i so small that a is negative (v_i < v_max h_min²/h_desired²) makes v_rep negative far off: the printed law would
+  speed up. Clamped at zero.
+- v_i so large that the curve has its peak beyond h_min (h_min < -2b/a, that is v_max h_min (2 - h_min/h_desired) <
+  v_i h_desired) would let a vehicle that got nearer through. `monotone` refuses such a set with the reason; in flight,
+  where a refusal would leave no limiter, v_max is raised to the least value that keeps the curve falling.
 """
 
 from __future__ import annotations
@@ -22,70 +24,101 @@ from __future__ import annotations
 import math
 from typing import Literal
 
+import numpy as np
+
+from common.config import ConfigError
 from onboard.limiter.config import LimiterConfig
 
 Zone = Literal["safe", "warning", "transition", "collision", "blind"]
+Array = np.ndarray
 
 
-def coefficients(v_i_m_s: float, config: LimiterConfig) -> tuple[float, float]:
-    """The a (m²/s) and b (m³/s) of the curve for an approach speed v_i > 0, m/s (Al-Kaff 2019, eq. 21)."""
-    h_min, h_desired = config.h_min_m, config.h_desired_m
-    v_max = config.v_max_m_s if v_i_m_s < config.v_max_m_s else v_i_m_s * h_desired / h_min
-    # b = (v_max - v_i h_desired/h_min) / (1/h_min² - 1/(h_min h_desired))
-    b = (v_max - v_i_m_s * h_desired / h_min) / (1.0 / h_min**2 - 1.0 / (h_min * h_desired))
-    return v_i_m_s * h_desired - b / h_desired, b
-
-
-def repulsion(h_m: float, v_i_m_s: float, config: LimiterConfig) -> float:
-    """Repulsive velocity, m/s, not negative, at distance h from an obstacle approached at v_i (eq. 20, blended)."""
-    if v_i_m_s <= 0.0 or h_m >= config.h_max_m:
-        return 0.0
-    a, b = coefficients(v_i_m_s, config)
-    h = max(h_m, config.h_min_m)
-    v_rep = max(a / h + b / h**2, 0.0)  # eq. 20
-    fraction = min((config.h_max_m - h_m) / config.band_m, 1.0)
-    return v_rep * fraction * fraction * (3.0 - 2.0 * fraction)
-
-
-def stoppable(h_m: float, config: LimiterConfig) -> float:
-    """Largest approach speed, m/s, from which the vehicle still stops at h_min.
-
-    Solves v t + v²/(2 a) = h - h_min for v, with the delay t and deceleration a of the configuration.
-    """
-    room_m = h_m - config.h_min_m
-    if room_m <= 0.0:
-        return 0.0
-    a, t = config.stop_deceleration_m_s2, config.stop_delay_s
-    return math.sqrt((a * t) ** 2 + 2.0 * a * room_m) - a * t
-
-
-def allowed_approach(h_m: float, v_i_m_s: float, closing_m_s: float, config: LimiterConfig) -> float:
-    """Largest own speed towards an obstacle, m/s, not negative.
+def coefficients(v_i_m_s: Array | float, config: LimiterConfig) -> tuple[Array, Array]:
+    """a, m²/s, and b, m³/s, of the curve (Al-Kaff 2019, eq. 21), v_max raised where the curve would not fall.
 
     Args:
-        h_m: distance, m.
-        v_i_m_s: own speed asked towards it, m/s.
-        closing_m_s: speed at which the obstacle itself comes nearer, m/s; one that recedes counts as standing.
+        v_i_m_s: approach speed, m/s, any shape.
+        config: the law.
+    """
+    h_min, h_desired = config.h_min_m, config.h_desired_m
+    v_i = np.asarray(v_i_m_s, dtype=float)
+    v_max = np.maximum(config.v_max_m_s, v_i * (h_desired / h_min / (2.0 - h_min / h_desired)))
+    # b = (v_max - v_i h_desired/h_min) / (1/h_min² - 1/(h_min h_desired))
+    b = (v_max - v_i * (h_desired / h_min)) / (1.0 / h_min**2 - 1.0 / (h_min * h_desired))
+    return v_i * h_desired - b / h_desired, b
+
+
+def monotone(v_i_m_s: float, config: LimiterConfig) -> None:
+    """Refuse a set of parameters whose printed curve does not fall from h_min on, for an approach speed.
+
+    Raises:
+        ConfigError: h_min <= -2b/a; the text names the least v_max that would do.
+    """
+    h_min, h_desired, v_max = config.h_min_m, config.h_desired_m, config.v_max_m_s
+    least = v_i_m_s * h_desired / h_min / (2.0 - h_min / h_desired)
+    if v_max <= least:
+        b = (v_max - v_i_m_s * h_desired / h_min) / (1.0 / h_min**2 - 1.0 / (h_min * h_desired))
+        a = v_i_m_s * h_desired - b / h_desired
+        peak = f"peaks at {-2.0 * b / a:.2f} m" if a > 0.0 else "rises with the distance"
+        raise ConfigError(
+            f"v_max_m_s: got {v_max:g}; for an approach at {v_i_m_s:g} m/s the curve {peak}, beyond "
+            f"h_min_m = {h_min:g}: expected more than {least:.2f}, or a larger h_min_m"
+        )
+
+
+def repulsion(h_m: Array | float, v_i_m_s: Array | float, config: LimiterConfig) -> Array:
+    """Repulsive velocity of the chosen strategy, m/s, not negative, falling with the distance.
+
+    Args:
+        h_m: distances, m, not negative.
+        v_i_m_s: approach speeds, m/s; none repels a vehicle that does not approach.
         config: the law.
 
     Returns:
-        The lesser of eq. 19, taken for the relative approach speed, and the stoppable speed; v_i itself when it is
-        zero or below.
+        The shape that both broadcast to.
     """
-    if v_i_m_s <= 0.0:
-        return 0.0
-    closing = max(closing_m_s, 0.0)
-    relative = v_i_m_s + closing
-    if h_m <= config.h_desired_m:
-        return 0.0
-    reference = relative - repulsion(h_m, relative, config)  # eq. 19
-    return min(max(min(reference, stoppable(h_m, config)) - closing, 0.0), v_i_m_s)
+    h, v_i = np.asarray(h_m, dtype=float), np.maximum(v_i_m_s, 0.0)
+    if config.strategy == "dpf":
+        field = config.dpf
+        v_rep = np.interp(h, (field.h_min_m, field.h_mid_m, field.h_max_m), (field.v_max_m_s, field.v_mid_m_s, 0.0))
+        return np.where(v_i > 0.0, v_rep, 0.0)
+    near = np.maximum(h, config.h_min_m)
+    if config.strategy == "tti":
+        v_rep = v_i * (config.h_desired_m / near)
+    else:
+        a, b = coefficients(v_i, config)
+        v_rep = np.where(v_i > 0.0, np.maximum((a + b / near) / near, 0.0), 0.0)  # eq. 20
+    share = np.clip((config.h_max_m - h) / config.band_m, 0.0, 1.0)
+    return v_rep * (share * share * (3.0 - 2.0 * share))
+
+
+def stoppable(room_m: Array | float, config: LimiterConfig, closing_m_s: Array | float = 0.0) -> Array:
+    """Largest own speed, m/s, from which the vehicle comes to rest within a room that itself shrinks.
+
+    Solves v t + v²/(2 a) + c (t + v/a) = room for v, with the delay t and deceleration a of the configuration: while
+    the vehicle stops, an obstacle that comes nearer at c covers its share.
+
+    Args:
+        room_m: distance that is free, m; none or less gives 0.
+        config: what the vehicle can do.
+        closing_m_s: speed at which the obstacle comes nearer, m/s, not negative.
+    """
+    a, t = config.stop_deceleration_m_s2, config.stop_delay_s
+    c = np.asarray(closing_m_s, dtype=float)
+    free = np.maximum(np.asarray(room_m, dtype=float) - c * t, 0.0)
+    linear = a * t + c
+    return np.sqrt(linear * linear + 2.0 * a * free) - linear
+
+
+def stopping_distance_m(v_m_s: float, config: LimiterConfig) -> float:
+    """Distance covered from a stop command at a speed to rest, m."""
+    return v_m_s * config.stop_delay_s + v_m_s * v_m_s / (2.0 * config.stop_deceleration_m_s2)
 
 
 def zone(h_m: float, config: LimiterConfig) -> Zone:
     """Name of the zone of a distance: safe, warning, transition or collision (Al-Kaff 2019, figure 8)."""
+    if math.isnan(h_m) or h_m <= config.h_min_m:
+        return "collision"
     if h_m > config.h_max_m:
         return "safe"
-    if h_m > config.h_mid_m:
-        return "warning"
-    return "transition" if h_m > config.h_min_m else "collision"
+    return "warning" if h_m > config.h_mid_m else "transition"

@@ -1,17 +1,30 @@
-"""The filter for any number of obstacles: the nearest velocity that approaches none of them too fast."""
+"""The filter: the nearest velocity that keeps to every bound, for any number of obstacles, edges and unseen space."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
-from common.messages import Obstacle, Vec3
+import numpy as np
+
+from common.messages import Vec3
 from onboard.limiter.config import LimiterConfig
-from onboard.limiter.law import Zone, allowed_approach, stoppable, zone
+from onboard.limiter.constraints import (
+    Bounds,
+    Motion,
+    braking_after,
+    braking_bound,
+    obstacle_rows,
+)
+from onboard.limiter.law import Zone, zone
+from onboard.limiter.project import project, project_many, retreat, retreat_many
+from onboard.limiter.surroundings import Surroundings
+from onboard.limiter.volume import edges
 
-_SWEEPS = 60
-_TOLERANCE_M_S = 1e-6
+Array = np.ndarray
+Why = Literal["clear", "curve", "bound", "blind", "floor", "ceiling", "fence", "push-back", "no data"]
+_CHANGED_M_S = 1e-6
 _ZERO: Vec3 = (0.0, 0.0, 0.0)
 
 
@@ -20,138 +33,147 @@ class Limited:
     """What the limiter made of a velocity."""
 
     asked_ned_v_m_s: Vec3
-    """The velocity asked, NED, m/s."""
+    """The velocity asked, or the one that it is on its way to, NED, m/s."""
     ned_v_m_s: Vec3
     """The velocity that may be flown, NED, m/s."""
     zone: Zone
     """Zone of the nearest obstacle; `blind` without obstacle data."""
-    distance_m: float
+    distance_m: float = -1.0
     """Distance of the nearest obstacle, m; -1 when there is none."""
-    changed: bool
-    """Whether anything was taken away."""
+    ned_direction: Vec3 = _ZERO
+    """Unit vector towards it, NED; zero when there is none."""
+    why: Why = "clear"
+    """What took the most away."""
+    culprit: int = -1
+    """Index of the obstacle that limits, or the nearest when none does; -1 when there is none."""
+    braking_ned_v_m_s: Vec3 = _ZERO
+    """What to pass as `braking_ned_v_m_s` the next time, NED, m/s."""
 
-
-def _dot(a: Vec3, b: Vec3) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-def _finite(vector: Sequence[float]) -> bool:
-    return all(math.isfinite(c) for c in vector)
+    @property
+    def changed(self) -> bool:
+        """Whether anything was changed."""
+        return self.why != "clear"
 
 
 def limit(
     ned_v_m_s: Vec3,
-    obstacles: Sequence[Obstacle] | None,
+    around: Surroundings | None,
     config: LimiterConfig,
     *,
     ned_vehicle_v_m_s: Vec3 = _ZERO,
-    age_s: float = 0.0,
-    required: bool = False,
+    ned_intended_v_m_s: Vec3 | None = None,
+    ned_p_m: Vec3 | None = None,
+    braking_ned_v_m_s: Vec3 = _ZERO,
+    dt_s: float = 0.0,
 ) -> Limited:
-    """The velocity nearest to the asked one that keeps to the law for every obstacle.
+    """The velocity nearest to the asked one that keeps to the law for every obstacle and edge.
 
-    Each obstacle k sets a half-space v·n_k <= L_k with L_k >= 0 (`law.allowed_approach`). Their intersection is convex
-    and holds the origin, so the projection onto it (Dykstra 1983, DOI 10.1080/01621459.1983.10477029) never makes the
-    velocity longer, leaves what approaches nothing as it is, and keeps tangential components. The result is checked;
-    what is left over the bound after the last sweep is scaled away.
+    Each obstacle sets a half-space v·n <= bound: the lesser of the comfortable curve and the braking bound; each edge
+    of the flight volume one more. What must be retreated from is retreated from first (`project.retreat`), then the
+    velocity is projected onto all half-spaces, those of retreat as standstill (`project.project`); then its speed is
+    cut to what the sight in its direction allows. So the result is never longer than what was asked but for braking
+    and push-back, both capped; what approaches nothing, in sight, passes unchanged.
 
     Args:
         ned_v_m_s: asked velocity, NED, m/s.
-        obstacles: what is near; None without data.
+        around: obstacles and sight; None where standing still is all that is known to be safe.
         config: the law.
-        ned_vehicle_v_m_s: present velocity of the vehicle, NED, m/s; with `age_s` it brings old distances up to date.
-        age_s: how old the distances are, s.
-        required: whether missing data means standing still.
+        ned_vehicle_v_m_s: present velocity of the vehicle, NED, m/s.
+        ned_intended_v_m_s: what the asked velocity is on its way to, where its change is limited, NED, m/s; the curve
+            is that of the faster of the two towards each obstacle. None for the asked one.
+        ned_p_m: position from home, NED, m; None leaves floor, ceiling and fence out.
+        braking_ned_v_m_s: as the last call returned it; zero at the beginning.
+        dt_s: time since then, s.
 
     Returns:
         The limited velocity; zero when a number is not finite.
     """
-    if not (_finite(ned_v_m_s) and _finite(ned_vehicle_v_m_s) and math.isfinite(age_s)):
-        return Limited(_ZERO, _ZERO, "blind", -1.0, True)
-    if obstacles is None:
-        blocked = required and ned_v_m_s != _ZERO
-        return Limited(ned_v_m_s, _ZERO if required else ned_v_m_s, "blind", -1.0, blocked)
-    normals: list[Vec3] = []
-    bounds: list[float] = []
-    nearest_m = math.inf
-    for obstacle in obstacles:
-        distance_m, normal, closing_m_s = _now(obstacle, ned_vehicle_v_m_s, age_s)
-        if not math.isfinite(distance_m + closing_m_s) or not _finite(normal):
-            return Limited(ned_v_m_s, _ZERO, "collision", -1.0, True)
-        nearest_m = min(nearest_m, distance_m)
-        normals.append(normal)
-        bounds.append(_bound(distance_m, _dot(ned_v_m_s, normal), closing_m_s, config))
-    name = zone(nearest_m, config)
-    distance_m = nearest_m if normals else -1.0
-    if all(_dot(ned_v_m_s, n) <= b + _TOLERANCE_M_S for n, b in zip(normals, bounds, strict=True)):
-        return Limited(ned_v_m_s, ned_v_m_s, name, distance_m, False)
-    return Limited(ned_v_m_s, project(ned_v_m_s, normals, bounds), name, distance_m, True)
+    if around is None or not _finite(
+        ned_v_m_s, ned_intended_v_m_s or _ZERO, ned_vehicle_v_m_s, ned_p_m or _ZERO, braking_ned_v_m_s, (dt_s,)
+    ):
+        return Limited(ned_v_m_s, _ZERO, "blind", why="clear" if ned_v_m_s == _ZERO else "no data")
+    count = len(around.distance_m)
+    if count and not math.isfinite(
+        float(around.distance_m.sum() + around.ned_direction.sum() + around.ned_v_m_s.sum())
+    ):
+        return Limited(ned_v_m_s, _ZERO, "collision", why="no data")
+    intended = ned_v_m_s if ned_intended_v_m_s is None else ned_intended_v_m_s
+    motion = Motion(*(np.array(v) for v in (ned_v_m_s, intended, ned_vehicle_v_m_s, braking_ned_v_m_s)))
+    rows, kinds = _rows(around, motion, ned_p_m, config)
+    v = bounded(motion.asked, rows.normals, rows.bounds_m_s)
+    speed, fastest = math.sqrt(float(v @ v)), around.fastest_m_s(_vector(v))
+    if blind := speed > fastest:
+        v = v * (fastest / speed)
+    why, culprit = _reason(motion.asked, v, rows, kinds, blind)
+    nearest = int(around.distance_m.argmin()) if count else -1
+    distance_m = float(around.distance_m[nearest]) if count else -1.0
+    return Limited(
+        intended,
+        ned_v_m_s if why == "clear" else _vector(v),
+        zone(distance_m, config) if count else ("blind" if around.blind else "safe"),
+        distance_m,
+        _vector(around.ned_direction[nearest]) if count else _ZERO,
+        why,
+        culprit % count if count and culprit >= 0 else nearest,
+        _vector(braking_after(rows, motion, config, dt_s)),
+    )
 
 
-def _now(obstacle: Obstacle, ned_vehicle_v_m_s: Vec3, age_s: float) -> tuple[float, Vec3, float]:
-    """Distance by now (m, never more than measured), unit direction, and the obstacle's own closing speed (m/s)."""
-    norm = math.sqrt(_dot(obstacle.ned_direction, obstacle.ned_direction))
-    if not norm > 0.0:
-        return math.nan, obstacle.ned_direction, 0.0
-    x, y, z = obstacle.ned_direction
-    normal = (x / norm, y / norm, z / norm)
-    closing_m_s = max(-_dot(obstacle.ned_v_m_s, normal), 0.0)
-    nearer_m = max(_dot(ned_vehicle_v_m_s, normal), 0.0) + closing_m_s
-    return max(obstacle.distance_m - nearer_m * max(age_s, 0.0), 0.0), normal, closing_m_s
-
-
-def _bound(distance_m: float, approach_m_s: float, closing_m_s: float, config: LimiterConfig) -> float:
-    """Half-space bound of one obstacle, m/s, continuous in distance and velocity.
-
-    What is not approached now must not become approached by what is taken away for another obstacle: its bound is
-    zero; beyond h_max it opens up to the stoppable speed within the blending band.
-    """
-    bound = allowed_approach(distance_m, approach_m_s, closing_m_s, config)
-    if distance_m <= config.h_max_m:
-        return bound
-    opening = min((distance_m - config.h_max_m) / config.band_m, 1.0)
-    return max(bound, opening * max(stoppable(distance_m, config) - closing_m_s, 0.0))
-
-
-def project(ned_v_m_s: Vec3, normals: Sequence[Vec3], bounds: Sequence[float]) -> Vec3:
-    """Nearest velocity with v·n_k <= bound_k for all k, by Dykstra's alternating projections.
+def bounded(asked_m_s: Array, normals: Array, bounds_m_s: Array) -> Array:
+    """Retreat, then projection: the nearest velocity under every bound, (3,), m/s.
 
     Args:
-        ned_v_m_s: velocity, m/s.
-        normals: unit vectors.
-        bounds: m/s, not negative.
+        asked_m_s: velocity, (3,).
+        normals: unit vectors, (R, 3).
+        bounds_m_s: (R,); below zero: retreat, and in any case no approach.
     """
-    v = ned_v_m_s
-    # The correction that each half-space remembers is along its own normal: one number is enough.
-    kept = [0.0] * len(normals)
-    for _ in range(_SWEEPS):
-        moved = 0.0
-        for k, (n, bound) in enumerate(zip(normals, bounds, strict=True)):
-            before = kept[k]
-            excess = max(_dot(v, n) + before - bound, 0.0)
-            change = before - excess
-            if change:
-                v = (v[0] + change * n[0], v[1] + change * n[1], v[2] + change * n[2])
-                kept[k] = excess
-                moved = max(moved, abs(change))
-        if moved < _TOLERANCE_M_S * 0.1:
-            break
-    return _checked(v, ned_v_m_s, normals, bounds)
+    return project(retreat(asked_m_s, normals, bounds_m_s), normals, np.maximum(bounds_m_s, 0.0))
 
 
-def _checked(v: Vec3, asked: Vec3, normals: Sequence[Vec3], bounds: Sequence[float]) -> Vec3:
-    """The result scaled into every bound and to no more than the asked speed; zero when that fails."""
-    scale = 1.0
-    for n, bound in zip(normals, bounds, strict=True):
-        approach = _dot(v, n)
-        if approach > bound + _TOLERANCE_M_S:
-            scale = min(scale, max(bound, 0.0) / approach)
-    speed, allowed = math.sqrt(_dot(v, v)), math.sqrt(_dot(asked, asked))
-    if speed > allowed > 0.0:
-        scale = min(scale, allowed / speed)
-    result = (v[0] * scale, v[1] * scale, v[2] * scale)
-    if not _finite(result) or any(
-        _dot(result, n) > b + 2 * _TOLERANCE_M_S for n, b in zip(normals, bounds, strict=True)
-    ):
-        return _ZERO
-    return result
+def bounded_many(asked_m_s: Array, normals: Array, bounds_m_s: Array) -> Array:
+    """`bounded` for many vehicles: (N, 3), (N, R, 3), (N, R) to (N, 3), m/s."""
+    return project_many(retreat_many(asked_m_s, normals, bounds_m_s), normals, np.maximum(bounds_m_s, 0.0))
+
+
+def _rows(
+    around: Surroundings, motion: Motion, ned_p_m: Vec3 | None, config: LimiterConfig
+) -> tuple[Bounds, tuple[Why, ...]]:
+    """Every half-space: the curve of each obstacle, its bound, the edges; and what the kinds of rows are called.
+
+    The names are those of the curve, the bound, and each edge.
+    """
+    h, n, v = around.distance_m, around.ned_direction, around.ned_v_m_s
+    rows = obstacle_rows(h, n, v, motion, config)
+    kinds: tuple[Why, ...] = ("curve", "bound")
+    if ned_p_m is not None and (config.floor_m is not None or config.ceiling_m is not None or config.fence):
+        near = edges(ned_p_m, config)
+        sides = braking_bound(near.rooms_m, near.normals, motion, config)
+        rows = Bounds(*(np.concatenate(pair) for pair in zip(rows, sides, strict=True)))
+        kinds += near.names
+    return rows, kinds
+
+
+def _reason(asked: Array, v: Array, rows: Bounds, kinds: tuple[Why, ...], blind: bool) -> tuple[Why, int]:
+    """What took the most away, and the index of its row within its kind; -1 without one."""
+    if not len(rows.bounds_m_s):
+        return ("blind", -1) if blind else ("clear", -1)
+    over = rows.normals @ asked - rows.bounds_m_s
+    worst = int(over.argmax())
+    if over[worst] <= _CHANGED_M_S:
+        return ("blind", -1) if blind else ("clear", -1)
+    edges_from = len(over) - (len(kinds) - 2)
+    if worst >= edges_from:
+        return kinds[2 + worst - edges_from], -1
+    count = edges_from // 2
+    if rows.bounds_m_s[worst] < 0.0 and rows.normals[worst] @ v < -_CHANGED_M_S and not rows.excess_m_s[worst] > 0.0:
+        return "push-back", worst
+    return kinds[worst // count], worst
+
+
+def _finite(*vectors: tuple[float, ...]) -> bool:
+    return all(math.isfinite(c) for vector in vectors for c in vector)
+
+
+def _vector(array: Array) -> Vec3:
+    x, y, z = array.tolist()
+    return (x, y, z)

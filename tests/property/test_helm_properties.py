@@ -11,10 +11,11 @@ from common.messages import Request
 from onboard.helm.arbiter import Candidate, Verdict, arbitrate
 from onboard.helm.config import ContainmentConfig, HelmConfig
 from onboard.helm.containment import contain, slew
-from onboard.helm.pilot import Pilot, View
+from onboard.helm.pilot import Pilot
 from onboard.helm.setpoint import AccelerationSetpoint
 from onboard.helm.telemetry import AttitudeSample, PositionSample, Telemetry
 from onboard.limiter.config import LimiterConfig
+from onboard.limiter.map import NOTHING_KNOWN
 
 NOW = 50_000_000_000
 _ANY = st.floats(allow_nan=True, allow_infinity=True)
@@ -85,7 +86,7 @@ def test_a_vehicle_that_is_asked_for_accelerations_stays_inside(wishes):
         for _ in range(cycles):
             t_ns += 50_000_000
             verdict = Verdict("pursuit", (0.0, 0.0, wish[2]), 0.0, 10.0, ned_a_m_s2=wish[:2])
-            flown = pilot.fly(verdict, _telemetry(tuple(p), tuple(v), 0.0, t_ns), View(None), t_ns)
+            flown = pilot.fly(verdict, _telemetry(tuple(p), tuple(v), 0.0, t_ns), NOTHING_KNOWN, t_ns)
             assert flown is not None and isinstance(flown.local, AccelerationSetpoint)
             asked = (flown.local.north_m_s2, flown.local.east_m_s2)
             assert math.hypot(*asked) <= BOUNDS.braking_m_s2 + 1e-9
@@ -113,7 +114,7 @@ def test_a_simulated_vehicle_stays_inside(wishes, obeyed):
         for _ in range(cycles):
             t_ns += 50_000_000
             verdict = Verdict("pursuit" if obeyed else "helm", wish if obeyed else (0.0, 0.0, 0.0), 0.0, 10.0)
-            flown = pilot.fly(verdict, _telemetry(tuple(p), tuple(v), 0.0, t_ns), View(None), t_ns)
+            flown = pilot.fly(verdict, _telemetry(tuple(p), tuple(v), 0.0, t_ns), NOTHING_KNOWN, t_ns)
             assert flown is not None
             local = flown.local
             assert math.hypot(local.north_m_s, local.east_m_s) <= BOUNDS.speed_m_s + 1e-9

@@ -6,7 +6,8 @@ import math
 
 import pytest
 
-from common.messages import LimiterStatus, Obstacle, Obstacles, Request
+from common.config import ConfigError
+from common.messages import LimiterStatus, Obstacle, Obstacles, Request, View
 from tests.unit.helm_double import Desk
 
 
@@ -37,7 +38,7 @@ def test_every_source_of_obstacles_counts_and_the_limiter_says_what_it_did():
         assert 0.8 < wall.distance_m < 2.0, topic
         assert 55 <= len(said) <= 65, "ten a second"
         assert said[-1].label == "wall" and said[-1].why == "curve" and said[-1].zone == "transition"
-        assert said[-1].allowed_m_s < 0.2 and said[-1].asked_m_s > said[-1].allowed_m_s
+        assert said[-1].allowed_m_s < 0.1 and said[-1].source == topic
         assert said[-1].sectors_m[0] == pytest.approx(wall.distance_m, abs=0.05)
         assert said[-1].sectors_m[1:] == (-1.0,) * 71
 
@@ -93,9 +94,37 @@ def test_obstacle_data_that_stops_stops_the_vehicle():
     desk.go(2.0)
     assert desk.vehicle.v[0] > 0.9
     desk.obstacles = None
-    desk.go(3.0)
+    desk.go(4.0)
     assert _speed(desk) < 0.05
     assert desk.status and desk.status.limiter_zone == "blind"
+
+
+def test_a_barrel_that_is_seen_no_more_is_not_flown_into():
+    """The depth source dies on approach: its last point stays, and then nothing is free any more."""
+    desk = Desk().fly().chase((2.1, 0.0, 0.0))
+    ahead = View(
+        ned_q_sensor=(0.5, 0.5, 0.5, 0.5),
+        half_width_rad=0.7,
+        half_height_rad=0.5,
+        range_m=8.0,
+        columns=1,
+        rows=1,
+        seen=(True,),
+    )
+    nearest = 9.0
+    for step in range(600):
+        nearest = min(nearest, 9.0 - desk.vehicle.p[0])
+        if step < 130:
+            barrel = Obstacle(distance_m=9.0 - desk.vehicle.p[0], ned_direction=(1.0, 0.0, 0.0))
+            desk.feed("obstacles/depth", Obstacles(obstacles=(barrel,), views=(ahead,)))
+        desk.step()
+    assert desk.vehicle.p[0] > 3.0
+    assert nearest > 1.3 and _speed(desk) < 0.05
+
+
+def test_a_curve_that_would_let_a_fast_vehicle_through_is_refused_at_the_start():
+    with pytest.raises(ConfigError, match=r"v_max_m_s: got 2\.5; for an approach at 3 m/s the curve peaks at"):
+        Desk(limiter={"v_max_m_s": 2.5})
 
 
 def test_a_climb_towards_an_obstacle_above_is_limited_too():

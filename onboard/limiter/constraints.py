@@ -1,0 +1,169 @@
+"""From obstacles to half-spaces v·n <= bound: the comfortable curve, and the hard bound on the path ahead.
+
+Every function takes one vehicle (obstacles along the last axis, K) or many (N, K): the benchmark judges what flies.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from onboard.limiter.config import LimiterConfig
+from onboard.limiter.law import repulsion, stoppable
+
+Array = np.ndarray
+_YIELD_M_S = 0.5  # an obstacle that comes nearer at this speed is given way to at the full push-back
+
+
+class Motion(NamedTuple):
+    """What is asked and what is flown; each (..., 3), NED, m/s."""
+
+    asked: Array
+    """Velocity asked."""
+    intended: Array
+    """What it is on its way to; the asked one where its change is not limited."""
+    flown: Array
+    """Velocity of the vehicle."""
+    braking: Array
+    """Excess over the bound, summed over time: the direction that is braked, and how much."""
+
+
+class Bounds(NamedTuple):
+    """Half-spaces of obstacles, one an obstacle."""
+
+    normals: Array
+    """Unit vectors, (..., K, 3)."""
+    bounds_m_s: Array
+    """Largest speed along each, m/s, (..., K); below zero: brake or back away."""
+    excess_m_s: Array
+    """How much faster than its bound the vehicle is along each, m/s, (..., K)."""
+
+
+def towards(normals: Array, v_m_s: Array) -> Array:
+    """Components of velocities (..., 3) along normals (..., K, 3): (..., K), m/s."""
+    return (normals @ v_m_s[..., None])[..., 0]
+
+
+def curve(distance_m: Array, normals: Array, ned_v_m_s: Array, motion: Motion, config: LimiterConfig) -> Array:
+    """Bounds of the comfortable curve (Al-Kaff 2019, eq. 19), m/s, (..., K).
+
+    v_i is the larger of the asked and the flown speed towards the obstacle, and the obstacle's own approach beside it.
+    Below h_desired the bound is negative (the paper's correction of an overshoot), capped; nothing is pushed away that
+    is not approached. What is not approached now must not become approached by what is taken away for another obstacle:
+    its bound is zero, and opens up beyond h_max within the blending band.
+
+    Args:
+        distance_m: (..., K), m.
+        normals: unit vectors towards the obstacles, (..., K, 3).
+        ned_v_m_s: velocities of the obstacles, (..., K, 3).
+        motion: of the vehicle.
+        config: the law.
+    """
+    asked = np.maximum(towards(normals, motion.asked), 0.0)
+    if motion.intended is not motion.asked:
+        asked = np.maximum(asked, towards(normals, motion.intended))
+    closing = np.maximum(-(normals * ned_v_m_s).sum(axis=-1), 0.0)
+    v_i = np.maximum(asked, towards(normals, motion.flown)) + closing
+    reference = asked - repulsion(distance_m, v_i, config)  # eq. 19
+    retreat = np.minimum((config.h_desired_m - distance_m) * config.push_back_gain_1_s, config.push_back_m_s)
+    reference = np.maximum(reference, -np.maximum(retreat, 0.0))
+    beyond = np.clip((distance_m - config.h_max_m) / config.band_m, 0.0, 1.0)
+    return np.maximum(reference, beyond * stoppable(distance_m - config.h_min_m, config))
+
+
+def nearest_ahead(distance_m: Array, normals: Array, ned_v_m_s: Array, config: LimiterConfig) -> tuple[Array, Array]:
+    """Where moving obstacles will be nearest to the vehicle's place within the foresight, but no nearer than h_min.
+
+    Kept free as if an obstacle stood there: the half-space in front of it has the whole path behind it, whenever the
+    obstacle gets there.
+
+    Args:
+        distance_m: (..., K), m.
+        normals: unit vectors towards the obstacles, (..., K, 3).
+        ned_v_m_s: velocities of the obstacles, (..., K, 3).
+        config: foresight and h_min.
+
+    Returns:
+        Distances (..., K), m, and unit vectors (..., K, 3).
+    """
+    if not ned_v_m_s.any():
+        return distance_m, normals
+    speed2 = (ned_v_m_s * ned_v_m_s).sum(axis=-1)
+    along = (normals * ned_v_m_s).sum(axis=-1) * distance_m  # r·v
+    safe2 = np.maximum(speed2, 1e-9)
+    nearest_s = -along / safe2
+    root = along * along - safe2 * (distance_m * distance_m - config.h_min_m**2)
+    enters_s = (-along - np.sqrt(np.maximum(root, 0.0))) / safe2
+    t_s = np.where(root > 0.0, np.minimum(nearest_s, enters_s), nearest_s)
+    t_s = np.where((along < 0.0) & (distance_m > config.h_min_m), np.clip(t_s, 0.0, config.foresight_s), 0.0)
+    place = distance_m[..., None] * normals + t_s[..., None] * ned_v_m_s
+    ahead_m = np.sqrt((place * place).sum(axis=-1))
+    moved = (t_s > 0.0) & (ahead_m > 1e-6)
+    unit = place / np.maximum(ahead_m, 1e-6)[..., None]
+    return np.where(moved, ahead_m, distance_m), np.where(moved[..., None], unit, normals)
+
+
+def braking_bound(room_m: Array, normals: Array, motion: Motion, config: LimiterConfig) -> Bounds:
+    """The hard bound: what can be stopped within a room, less what a vehicle that is faster needs to brake.
+
+    Args:
+        room_m: free distance along each normal, m, (..., K).
+        normals: unit vectors, (..., K, 3).
+        motion: of the vehicle.
+        config: what it can do.
+    """
+    bound = stoppable(room_m, config)
+    excess = np.maximum(towards(normals, motion.flown) - bound, 0.0)
+    held = np.maximum(towards(normals, motion.braking), 0.0)
+    less = np.where(excess > 0.0, config.brake_lead * excess + held, 0.0)
+    return Bounds(normals, np.maximum(bound - less, np.minimum(bound, -config.brake_m_s)), excess)
+
+
+def obstacle_bound(
+    distance_m: Array, normals: Array, ned_v_m_s: Array, motion: Motion, config: LimiterConfig
+) -> Bounds:
+    """The hard bound before obstacles, moving ones included: (..., K).
+
+    What comes nearer, and would come nearer than h_desired, is given way to, capped by the push-back.
+    """
+    ahead_m, ahead = nearest_ahead(distance_m, normals, ned_v_m_s, config)
+    held = braking_bound(ahead_m - config.h_min_m - config.margin_m, ahead, motion, config)
+    closing = np.clip(-(normals * ned_v_m_s).sum(axis=-1) / _YIELD_M_S, 0.0, 1.0)
+    retreat = np.clip((config.h_desired_m - ahead_m) * config.push_back_gain_1_s, 0.0, config.push_back_m_s)
+    return held._replace(
+        bounds_m_s=np.where(closing * retreat > 0.0, np.minimum(held.bounds_m_s, -closing * retreat), held.bounds_m_s)
+    )
+
+
+def obstacle_rows(distance_m: Array, normals: Array, ned_v_m_s: Array, motion: Motion, config: LimiterConfig) -> Bounds:
+    """Curve and bound of each obstacle as half-spaces, (..., 2 K): the curves first.
+
+    Args:
+        distance_m: (..., K), m.
+        normals: unit vectors towards the obstacles, (..., K, 3).
+        ned_v_m_s: velocities of the obstacles, (..., K, 3).
+        motion: of the vehicle.
+        config: the law.
+    """
+    comfortable = curve(distance_m, normals, ned_v_m_s, motion, config)
+    hard = obstacle_bound(distance_m, normals, ned_v_m_s, motion, config)
+    return Bounds(
+        np.concatenate([normals, hard.normals], axis=-2),
+        np.concatenate([comfortable, hard.bounds_m_s], axis=-1),
+        np.concatenate([np.zeros_like(comfortable), hard.excess_m_s], axis=-1),
+    )
+
+
+def braking_after(bounds: Bounds, motion: Motion, config: LimiterConfig, dt_s: float) -> Array:
+    """The summed excess one step later, (..., 3), m/s: grows along the largest excess, fades without one."""
+    excess = bounds.excess_m_s
+    if not excess.shape[-1]:
+        return motion.braking * max(1.0 - 2.0 * dt_s, 0.0)
+    worst = excess.argmax(axis=-1)[..., None]
+    most = np.take_along_axis(excess, worst, axis=-1)
+    normal = np.take_along_axis(bounds.normals, worst[..., None], axis=-2)[..., 0, :]
+    grown = motion.braking + config.brake_integral_1_s * dt_s * most * normal
+    size = np.sqrt((grown * grown).sum(axis=-1, keepdims=True))
+    grown = grown * np.minimum(1.0, config.brake_m_s / np.maximum(size, 1e-9))
+    return np.where(most > 0.0, grown, motion.braking * max(1.0 - 2.0 * dt_s, 0.0))

@@ -1,0 +1,176 @@
+"""What the limiter remembers: points carried to now, directions looked at, silence."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from common.geometry.rotation import matrix_to_quat
+from common.messages import Obstacle, Obstacles, Vec3, View
+from onboard.limiter.config import LimiterConfig
+from onboard.limiter.law import stoppable
+from onboard.limiter.limiter import limit
+from onboard.limiter.map import ObstacleMap
+from onboard.limiter.status import limiter_status, sectors_m
+from onboard.limiter.surroundings import Surroundings, of_obstacles
+
+CONFIG = LimiterConfig()
+HOME: Vec3 = (0.0, 0.0, 0.0)
+S = 1_000_000_000
+
+
+def view(yaw_rad: float = 0.0, seen: tuple[bool, ...] = (True,), columns: int = 1) -> View:
+    """A level sensor that looks 8 m far, 45 degrees to either side and 30 up and down."""
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    q = matrix_to_quat(np.array([[-s, 0.0, c], [c, 0.0, s], [0.0, 1.0, 0.0]]))
+    w, x, y, z = (float(part) for part in q)
+    return View(
+        ned_q_sensor=(w, x, y, z),
+        half_width_rad=math.pi / 4,
+        half_height_rad=math.pi / 6,
+        range_m=8.0,
+        columns=columns,
+        rows=1,
+        seen=seen,
+    )
+
+
+def ahead(distance_m: float, v: Vec3 = HOME, label: str = "") -> Obstacle:
+    return Obstacle(distance_m=distance_m, ned_direction=(1.0, 0.0, 0.0), ned_v_m_s=v, label=label)
+
+
+def heard(*messages: tuple[int, Obstacles], source: str = "obstacles/depth", **settings: object) -> ObstacleMap:
+    known = ObstacleMap(LimiterConfig(**settings))  # pyright: ignore[reportArgumentType]
+    for t_ns, message in messages:
+        known.follow(HOME, t_ns)
+        known.hear(source, message, t_ns)
+    return known
+
+
+def now(known: ObstacleMap, t_ns: int, ned_p_m: Vec3 = HOME) -> Surroundings:
+    around = known.now(ned_p_m, t_ns)
+    assert around is not None
+    return around
+
+
+def test_a_vehicle_without_any_source_flies_as_asked_unless_it_must_see():
+    around = now(ObstacleMap(CONFIG), S)
+    limited = limit((3.0, 1.0, 0.0), around, CONFIG)
+    assert limited.ned_v_m_s == (3.0, 1.0, 0.0) and limited.zone == "blind" and limited.why == "clear"
+    assert ObstacleMap(LimiterConfig(required=True)).now(HOME, S) is None
+    assert limit((3.0, 1.0, 0.0), None, CONFIG).why == "no data"
+
+
+def test_points_stand_still_in_the_world_while_the_vehicle_moves_on():
+    known = heard((S, Obstacles(obstacles=(ahead(5.0),))))
+    around = now(known, S + S // 5, (2.0, 3.0, 0.0))
+    assert around.distance_m == pytest.approx([math.hypot(3.0, 3.0)])
+    assert around.ned_direction[0] == pytest.approx([math.sqrt(0.5), -math.sqrt(0.5), 0.0])
+
+
+def test_a_message_is_placed_by_where_the_vehicle_was_when_it_was_true():
+    known = ObstacleMap(CONFIG)
+    for k in range(11):
+        known.follow((0.2 * k, 0.0, 0.0), S + k * S // 10)
+    known.hear("obstacles/depth", Obstacles(obstacles=(ahead(5.0),)), S + S // 2)
+    assert now(known, 2 * S, (2.0, 0.0, 0.0)).distance_m == pytest.approx([4.0])
+
+
+def test_a_walker_walks_on():
+    known = heard((S, Obstacles(obstacles=(ahead(5.0, (-1.5, 0.0, 0.0)),))))
+    assert now(known, S + 4 * S // 10).distance_m == pytest.approx([4.4])
+
+
+def test_obstacles_of_a_silent_source_stay_grow_and_go():
+    known = heard((S, Obstacles(obstacles=(ahead(5.0, label="person 3"),))), source="obstacles/people")
+    assert now(known, S + S // 2).distance_m == pytest.approx([5.0])
+    later = now(known, S + 5 * S // 2)
+    assert later.distance_m == pytest.approx([5.0 - 2.0 * CONFIG.spread_m_s])
+    assert (later.labels, later.sources) == (["person 3"], ["obstacles/people"])
+    assert not len(now(known, 5 * S).distance_m)
+
+
+def test_an_older_message_changes_nothing():
+    known = heard((2 * S, Obstacles(obstacles=(ahead(5.0),))), (S, Obstacles(obstacles=(ahead(1.0),))))
+    assert now(known, 2 * S).distance_m == pytest.approx([5.0])
+
+
+def test_a_point_out_of_view_is_remembered_and_one_looked_at_again_is_not():
+    barrel = Obstacles(obstacles=(ahead(4.0),), views=(view(),))
+    turned = heard((S, barrel), (2 * S, Obstacles(obstacles=(), views=(view(math.pi / 2),))))
+    assert now(turned, 2 * S).distance_m == pytest.approx([4.0])
+    gone = heard((S, barrel), (2 * S, Obstacles(obstacles=(), views=(view(),))))
+    assert not len(now(gone, 2 * S).distance_m)
+    unsure = heard((S, barrel), (2 * S, Obstacles(obstacles=(), views=(view(seen=(False,)),))))
+    assert now(unsure, 2 * S).distance_m == pytest.approx([4.0]), "no measurement is not free"
+
+
+@pytest.mark.parametrize(
+    ("direction", "fastest"),
+    [
+        ((1.0, 0.0, 0.0), float(stoppable(8.0 - CONFIG.h_min_m - CONFIG.margin_m, CONFIG))),
+        ((-1.0, 0.0, 0.0), CONFIG.unseen_speed_m_s),
+        ((0.0, 1.0, 0.0), CONFIG.unseen_speed_m_s),
+        ((0.0, 0.0, -1.0), CONFIG.unseen_speed_m_s),
+    ],
+)
+def test_where_nobody_looks_the_speed_is_bounded(direction: Vec3, fastest: float):
+    around = now(heard((S, Obstacles(obstacles=(), views=(view(),)))), S)
+    asked = (5.0 * direction[0], 5.0 * direction[1], 5.0 * direction[2])
+    limited = limit(asked, around, CONFIG)
+    assert np.linalg.norm(limited.ned_v_m_s) == pytest.approx(fastest)
+    assert limited.why == "blind"
+
+
+def test_cells_without_a_measurement_are_not_free():
+    around = now(heard((S, Obstacles(obstacles=(), views=(view(seen=(True, False), columns=2),)))), S)
+    fast, slow = (np.linalg.norm(limit((3.0, e, 0.0), around, CONFIG).ned_v_m_s) for e in (-1.0, 1.0))
+    assert fast == pytest.approx(math.hypot(3.0, 1.0)) and slow == pytest.approx(CONFIG.unseen_speed_m_s)
+
+
+def test_a_place_that_was_looked_at_is_known_for_a_while():
+    looks = [(S + k * S // 10, Obstacles(obstacles=(), views=(view(math.pi),))) for k in range(1, 41)]
+    known = heard((S, Obstacles(obstacles=(), views=(view(),))), *looks)
+    speeds = [
+        float(np.linalg.norm(limit((2.0, 0.0, 0.0), now(known, S + k * S // 2), CONFIG).ned_v_m_s)) for k in range(9)
+    ]
+    assert speeds[0] == speeds[1] == 2.0, "just turned away"
+    assert speeds == sorted(speeds, reverse=True)
+    assert speeds[-1] == pytest.approx(CONFIG.unseen_speed_m_s)
+
+
+@pytest.mark.parametrize("silent", [True, False])
+def test_a_blind_source_slows_the_vehicle_down_and_then_stops_it(silent: bool):
+    known = heard((S, Obstacles(obstacles=(), views=(view(),))))
+    speeds = []
+    for k in range(41):
+        t_ns = S + k * S // 10
+        if not silent:
+            known.follow(HOME, t_ns)
+            known.hear("obstacles/depth", Obstacles(obstacles=(), views=(view(seen=(False,)),)), t_ns)
+        speeds.append(float(np.linalg.norm(limit((2.0, 0.0, 0.0), now(known, t_ns), CONFIG).ned_v_m_s)))
+    assert speeds[:6] == [2.0] * 6
+    assert speeds == sorted(speeds, reverse=True)
+    assert max(np.abs(np.diff(speeds))) < 0.4, "no jump: 4 m/s² at most"
+    assert speeds[30:] == [0.0] * 11
+    assert now(known, 4 * S).blind
+
+
+def test_the_sectors_show_obstacles_free_space_and_the_unknown():
+    around = now(heard((S, Obstacles(obstacles=(ahead(4.0),), views=(view(),)))), S)
+    shown = sectors_m(around)
+    assert shown[0] == pytest.approx(4.0) and shown[4] == pytest.approx(8.0) and shown[36] == -1.0
+    above = of_obstacles([Obstacle(distance_m=2.0, ned_direction=(0.0, 0.0, -1.0))])
+    assert sectors_m(above) == (-1.0,) * 72
+
+
+def test_the_status_names_what_limits():
+    around = now(heard((S, Obstacles(obstacles=(ahead(2.0, label="barrel"),), views=(view(),)))), S)
+    status = limiter_status(limit((2.0, 0.0, 0.0), around, CONFIG), around, CONFIG)
+    status.check()
+    assert (status.why, status.source, status.label) == ("curve", "obstacles/depth", "barrel")
+    assert (status.zone, status.asked_m_s) == ("transition", 2.0)
+    fast = limit((2.0, 0.0, 0.0), around, CONFIG, ned_vehicle_v_m_s=(3.0, 0.0, 0.0), dt_s=0.04)
+    assert fast.why == "bound" and fast.ned_v_m_s[0] <= 0.0, "faster than it can stop: it brakes"

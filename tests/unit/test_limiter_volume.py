@@ -1,0 +1,89 @@
+"""Floor, ceiling and fence, and what is left when the bound, the curve and they meet."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from common.messages import Obstacle, Vec3
+from onboard.limiter.config import LimiterConfig
+from onboard.limiter.law import stoppable
+from onboard.limiter.limiter import limit
+from onboard.limiter.surroundings import Surroundings, of_obstacles
+from onboard.limiter.volume import edges, inside
+
+FREE = Surroundings()
+L_SHAPE = ((0.0, 0.0), (20.0, 0.0), (20.0, 10.0), (10.0, 10.0), (10.0, 20.0), (0.0, 20.0))
+"""An inward corner at (10, 10)."""
+
+
+def _at(v: Vec3, p: Vec3, config: LimiterConfig) -> Vec3:
+    return limit(v, FREE, config, ned_p_m=p).ned_v_m_s
+
+
+@pytest.mark.parametrize(("down", "height", "why"), [(1.0, 2.5, "floor"), (-1.0, 9.5, "ceiling")])
+def test_floor_and_ceiling_stop_a_vertical_motion_and_nothing_else(down: float, height: float, why: str):
+    config = LimiterConfig(floor_m=2.0, ceiling_m=10.0)
+    limited = limit((1.0, 0.0, down), FREE, config, ned_p_m=(0.0, 0.0, -height))
+    assert limited.ned_v_m_s == pytest.approx((1.0, 0.0, down * float(stoppable(0.5, config))))
+    assert limited.why == why
+    beyond = _at((1.0, 0.0, down), (0.0, 0.0, -1.0 if down > 0 else -11.0), config)
+    assert beyond == pytest.approx((1.0, 0.0, 0.0))
+    assert _at((1.0, 0.0, -down), (0.0, 0.0, -height), config) == (1.0, 0.0, -down)
+
+
+def test_inside_and_outside_of_a_polygon_with_an_inward_corner():
+    corners = np.array(L_SHAPE)
+    assert inside((5.0, 15.0), corners) and inside((15.0, 5.0), corners)
+    assert not inside((15.0, 15.0), corners) and not inside((-0.1, 5.0), corners)
+
+
+def test_the_fence_lets_a_vehicle_slide_along_and_stops_it_in_a_corner():
+    config = LimiterConfig(fence=L_SHAPE)
+    assert _at((-2.0, 1.0, 0.0), (0.3, 10.0, -5.0), config) == pytest.approx((-float(stoppable(0.3, config)), 1.0, 0.0))
+    assert _at((-2.0, -2.0, 0.0), (0.0, 0.0, -5.0), config) == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+    assert _at((1.0, 1.0, 0.0), (5.0, 5.0, -5.0), config) == pytest.approx((1.0, 1.0, 0.0))
+
+
+def test_the_inward_corner_is_rounded_and_its_extended_sides_bar_nothing():
+    config = LimiterConfig(fence=L_SHAPE)
+    here = (9.5, 9.5, -5.0)
+    towards = _at((2.0, 2.0, 0.0), here, config)
+    assert towards == pytest.approx((float(stoppable(math.hypot(0.5, 0.5), config)) * math.sqrt(0.5),) * 2 + (0.0,))
+    assert _at((2.0, 0.0, 0.0), (9.5, 5.0, -5.0), config) == (2.0, 0.0, 0.0), "the other leg is open"
+
+
+def test_from_outside_only_the_way_back_is_free():
+    config = LimiterConfig(fence=L_SHAPE)
+    outside = (-2.0, 5.0, -5.0)
+    assert _at((-1.0, 0.5, 0.0), outside, config) == pytest.approx((0.0, 0.5, 0.0))
+    assert _at((1.0, 0.5, 0.0), outside, config) == (1.0, 0.5, 0.0)
+    assert len(edges(outside, config).rooms_m) == 1
+
+
+def test_a_corner_of_walls_stops_without_a_tremor():
+    config = LimiterConfig()
+    walls = [Obstacle(distance_m=1.6, ned_direction=(math.cos(a), math.sin(a), 0.0)) for a in (-0.7, 0.7)]
+    aside = [limit((2.0, 0.01 * k, 0.0), of_obstacles(walls), config).ned_v_m_s for k in range(-5, 6)]
+    assert all(abs(v[1]) < 0.06 and 0.0 < v[0] < 0.3 for v in aside), "what is asked aside, and no more"
+    assert max(abs(a[1] - b[1]) for a, b in pairwise(aside)) < 0.012
+    shut = limit((2.0, 0.0, 0.0), of_obstacles([*walls, *walls]), config).ned_v_m_s
+    assert shut[0] <= 0.2 and shut[1] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_between_two_obstacles_that_are_too_near_it_keeps_to_the_middle():
+    config = LimiterConfig()
+    squeeze = [
+        Obstacle(distance_m=1.0, ned_direction=(s, 0.0, 0.0), ned_v_m_s=(-0.3 * s, 0.0, 0.0)) for s in (1.0, -1.0)
+    ]
+    assert limit((0.0, 1.0, 0.0), of_obstacles(squeeze), config).ned_v_m_s == pytest.approx((0.0, 1.0, 0.0), abs=1e-6)
+
+
+def test_what_comes_nearer_is_given_way_to_and_only_as_far_as_allowed():
+    walker = of_obstacles([Obstacle(distance_m=1.2, ned_direction=(1.0, 0.0, 0.0), ned_v_m_s=(-1.0, 0.0, 0.0))])
+    limited = limit((0.0, 0.0, 0.0), walker, LimiterConfig())
+    assert limited.ned_v_m_s == pytest.approx((-0.5, 0.0, 0.0), abs=0.02) and limited.why == "push-back"
+    assert limit((0.0, 0.0, 0.0), walker, LimiterConfig(push_back_m_s=0.0)).ned_v_m_s == (0.0, 0.0, 0.0)
