@@ -50,7 +50,7 @@ class Benchmark:
     """Does it."""
 
 
-_PACKAGES = ("numpy", "opencv-python-headless", "eclipse-zenoh", "mavsdk", "mujoco", "pymavlink")
+_PACKAGES = ("numpy", "opencv-python-headless", "filterpy", "eclipse-zenoh", "mavsdk", "mujoco", "pymavlink")
 
 
 def environment() -> dict[str, Any]:

@@ -26,6 +26,7 @@ LIBRARIES = {
     "viser": ("ground/console/",),
     "mcap": ("common/recording.py",),
     "matplotlib": ("benchmarks/",),
+    "filterpy": ("onboard/fusion/",),
 }
 # Shells talk to the bus, a device or an operator; everything else in a capability's folder is an algorithm or data.
 SHELLS = (

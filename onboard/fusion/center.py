@@ -1,0 +1,278 @@
+"""Hierarchical adaptive Bayesian data fusion of any vector from any number of sources (Echeverri 2016, chapter 4).
+
+Below, one expert a source judges each measurement by itself; above, the fusion centre weighs it by that judgement and
+by the vote of all sources. The thesis hands the experts' estimates to the centre; here the centre takes the
+measurements themselves, with the variance of eq. 4.8: filtering twice would count each expert's memory twice, and lag.
+A measurement that arrives late entered its expert at its own capture time and is carried to the present by that expert.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from onboard.fusion.config import FusionConfig
+from onboard.fusion.drift import DriftWatch
+from onboard.fusion.expert import Expert, Opinion
+from onboard.fusion.motion import MotionFilter
+from onboard.fusion.source import Judgement, Measurement, Source
+from onboard.fusion.weights import combine, nearest, severity, vote_weight
+
+FusionState = Literal["waiting", "tracking", "predicted", "lost"]
+_ONE_SOURCE = 0.7
+"""Confidence that one fully reliable source alone gives; two give 0.91."""
+_HANDICAP = 1.5
+"""Distance that a voter without any standing is put further away, in switching distances of eq. 4.7."""
+
+
+@dataclass(frozen=True)
+class Fused:
+    """The fused answer."""
+
+    t_ns: int
+    """The instant that it is for, ns."""
+    state: FusionState
+    """`waiting`: nothing measured yet. `tracking`: some source is trusted. `predicted`: none, for a short time. `lost`:
+    none for long; the value is predicted on."""
+    value: np.ndarray
+    """Fused vector, (N,); NaN while waiting."""
+    rate: np.ndarray
+    """Its rates, (N,), units/s."""
+    covariance: np.ndarray
+    """Covariance of value and rate, (2N, 2N)."""
+    confidence: float
+    """The fusion's own, 0 to 1: that not every source that speaks for it is wrong."""
+    sources: Mapping[str, Judgement]
+    """How each source with a new measurement was judged."""
+    restart: tuple[str, ...]
+    """Sources that have drifted, or are lost, and should be started anew on the fused answer now."""
+
+
+class Fusion:
+    """Experts, vote and fusion centre.
+
+    Args:
+        sources: at least one, all of the same number of components; their order changes nothing.
+        config: parameters.
+
+    Raises:
+        ValueError: no source, two of one name, or different numbers of components.
+    """
+
+    def __init__(self, sources: Sequence[Source], config: FusionConfig):
+        names = [source.name for source in sources]
+        sizes = {len(source.noise) for source in sources}
+        if not sources or len(set(names)) != len(names) or len(sizes) != 1:
+            raise ValueError(
+                f"fusion: got sources {names} with {sorted(sizes)} components, expected one or more of different names "
+                "and one number of components"
+            )
+        # In the order of the names, so that even rounding does not depend on the order in which they are given.
+        self._experts = {name: Expert(source, config) for name, source in sorted(zip(names, sources, strict=True))}
+        self._drift = {name: DriftWatch(config) for name in self._experts}
+        self._lost = dict.fromkeys(self._experts, False)
+        self._standing = dict.fromkeys(self._experts, 1.0)
+        self._switch = config.vote_lambda / config.vote_slope
+        self._config = config
+        self._size = sizes.pop()
+        self._center: MotionFilter | None = None
+        self._seen_ns = 0
+        self._supported = False
+        self._t_ns: int | None = None
+        self._elapsed_s = 0.0
+        self._confidence = 0.0
+        self.unit = np.ones(self._size)
+        """Size of one unit in the measurement's components, (N,): 1, or the target's size in px."""
+        self.outdated = 0
+        """Measurements that were older than their source's newest one, and ignored."""
+
+    def forget(self, name: str) -> None:
+        """The source of this name was started anew: what its expert knew of it no longer holds."""
+        self._experts[name].forget()
+        self._lost[name] = False
+
+    def step(self, measurements: Sequence[Measurement], t_ns: int, control: np.ndarray | None = None) -> Fused:
+        """Fused answer for an instant from what has arrived since the last one.
+
+        Args:
+            measurements: any number, in any order; at most one a source.
+            t_ns: the instant, ns, not before the last one nor before a measurement.
+            control: known acceleration of the measured vector by the platform's own commands (B·u), (N,), units/s².
+
+        Raises:
+            ValueError: unknown source, two measurements of one, wrong shape, no finite number, or a stamp from the
+                future or the past; nothing is changed then.
+        """
+        self._check(measurements, t_ns, control)
+        self._elapsed_s = 0.0 if self._t_ns is None else (t_ns - self._t_ns) * 1e-9
+        self._t_ns = t_ns
+        self._confidence *= math.exp(-self._elapsed_s / self._config.confidence_memory_s)
+        opinions = self._hear(measurements, control)
+        if self._center is not None:
+            self._center.predict(t_ns, (self._config.acceleration * self.unit) ** 2, control)
+        judgements = self._judge(opinions, t_ns)
+        self._fuse(opinions, judgements, t_ns)
+        if measurements:
+            self._support(judgements, t_ns)
+        return self._report(judgements, t_ns)
+
+    def _check(self, measurements: Sequence[Measurement], t_ns: int, control: np.ndarray | None) -> None:
+        if self._t_ns is not None and t_ns < self._t_ns:
+            raise ValueError(f"t_ns: got {t_ns}, expected at least the last instant, {self._t_ns}")
+        names = [m.source for m in measurements]
+        if len(set(names)) != len(names) or not set(names) <= set(self._experts):
+            raise ValueError(f"measurements: got sources {names}, expected each at most once, of {list(self._experts)}")
+        for m in measurements:
+            if m.t_ns > t_ns:
+                raise ValueError(
+                    f"measurement of {m.source!r}: got stamp {m.t_ns}, expected at most {t_ns}, the present"
+                )
+            if not math.isfinite(m.confidence):
+                raise ValueError(f"measurement of {m.source!r}: got confidence {m.confidence}, expected 0 to 1")
+            self._check_vector(f"measurement of {m.source!r}", m.value)
+        self._check_vector("control", control)
+
+    def _check_vector(self, what: str, vector: np.ndarray | None) -> None:
+        if vector is not None and (np.shape(vector) != (self._size,) or not np.isfinite(vector).all()):
+            raise ValueError(f"{what}: got {vector}, expected {self._size} finite numbers")
+
+    def _hear(self, measurements: Sequence[Measurement], control: np.ndarray | None) -> dict[str, Opinion]:
+        opinions = {}
+        for m in sorted(measurements, key=lambda m: m.source):
+            expert = self._experts[m.source]
+            if expert.t_ns is not None and m.t_ns < expert.t_ns:
+                self.outdated += 1
+                continue
+            self._lost[m.source] = m.value is None
+            if m.value is not None:
+                value = np.asarray(m.value, float)
+                opinions[m.source] = expert.hear(value, m.t_ns, m.confidence, self.unit, control)
+        return opinions
+
+    def _judge(self, opinions: Mapping[str, Opinion], t_ns: int) -> dict[str, Judgement]:
+        """Vote and variance (eq. 4.8) of each source that has something new to say."""
+        config = self._config
+        distances = self._distances(t_ns)
+        judgements = {}
+        for name, opinion in opinions.items():
+            expert = self._experts[name]
+            omega = config.omega if expert.source.omega is None else expert.source.omega
+            vote, penalty = config.omega_0, 0.0
+            if math.isfinite(distances[name]):
+                vote = vote_weight(distances[name], config.omega_0, omega, config.vote_slope, config.vote_lambda)
+                far = severity(distances[name] / self._switch)
+                penalty = (vote - config.omega_0) / config.omega_0 * far
+            base = expert.variance(self.unit)
+            factor = 1.0 + penalty + opinion.penalty
+            judgements[name] = Judgement(
+                1.0 / factor, opinion.mahalanobis, opinion.weight, distances[name], vote, base * factor
+            )
+        return judgements
+
+    def _distances(self, t_ns: int) -> dict[str, float]:
+        """Distance of each source to the nearest voter that it agrees with, units.
+
+        Voters are the sources themselves and, beyond the thesis, the centre's own prediction: with two sources that
+        disagree, or with all scattered, nothing but the past can tell which is right. A voter of low standing is put
+        further away. A source alone has no vote to fear.
+        """
+        config = self._config
+        density = (config.acceleration * self.unit) ** 2
+        voters = {
+            name: expert.filter.ahead(t_ns, density)[0] / self.unit
+            for name, expert in self._experts.items()
+            if expert.filter is not None
+            and not self._lost[name]
+            and t_ns - expert.filter.t_ns <= config.stale_after_s * 1e9
+        }
+        distances = dict.fromkeys(self._experts, math.inf)
+        if len(voters) < 2:
+            return distances
+        points = list(voters.values())
+        handicaps = [_HANDICAP * self._switch * (1.0 - self._standing[name]) for name in voters]
+        if self._center is not None and not self._is_lost(t_ns):
+            points.append(self._center.value / self.unit)
+            handicaps.append(0.0)
+        stacked = np.array(points)
+        found = nearest(stacked, np.array(handicaps))
+        self._stand(list(voters), nearest(stacked, np.zeros(len(points))))
+        return distances | dict(zip(voters, found.tolist(), strict=False))
+
+    def _stand(self, names: Sequence[str], distances: np.ndarray) -> None:
+        """Let the standing of each source follow whether it agrees with anyone at all."""
+        config = self._config
+        for name, distance in zip(names, distances.tolist(), strict=False):
+            agreement = 0.5 * (1.0 - math.tanh(config.vote_slope * distance - config.vote_lambda))
+            rises = agreement > self._standing[name]
+            share = -math.expm1(-self._elapsed_s / (config.standing_rise_s if rises else config.standing_fall_s))
+            self._standing[name] += share * (agreement - self._standing[name])
+
+    def _fuse(self, opinions: Mapping[str, Opinion], judgements: Mapping[str, Judgement], t_ns: int) -> None:
+        if not opinions:
+            return
+        density = (self._config.acceleration * self.unit) ** 2
+        values, variances = [], []
+        for name, opinion in opinions.items():
+            expert = self._experts[name].filter
+            value, variance = opinion.value, judgements[name].variance
+            if expert is not None and opinion.t_ns < t_ns:
+                ahead, grown = expert.ahead(t_ns, density)
+                value, variance = value + (ahead - expert.value), variance + grown
+            values.append(value)
+            variances.append(variance)
+        value, variance = combine(np.array(values), np.array(variances), self._config.correlation)
+        if self._center is None:
+            start_rate = self._config.start_rate * self.unit
+            self._center = MotionFilter(value, t_ns, np.sqrt(variance), start_rate)
+        else:
+            self._center.update(value, variance)
+
+    def _support(self, judgements: Mapping[str, Judgement], t_ns: int) -> None:
+        """Note whether anything that was said in this step can be relied on."""
+        reliabilities = [j.reliability for j in judgements.values()]
+        self._supported = max(reliabilities, default=0.0) >= self._config.support
+        if self._supported:
+            self._seen_ns = t_ns
+        wrong = math.prod(1.0 - _ONE_SOURCE * reliability for reliability in reliabilities)
+        self._confidence = max(self._confidence, 1.0 - wrong)
+
+    def _is_lost(self, t_ns: int) -> bool:
+        return t_ns - self._seen_ns > self._config.predict_for_s * 1e9
+
+    def _report(self, judgements: Mapping[str, Judgement], t_ns: int) -> Fused:
+        center = self._center
+        if center is None:
+            nothing = np.full(self._size, np.nan)
+            return Fused(t_ns, "waiting", nothing, nothing, np.full((2 * self._size,) * 2, np.nan), 0.0, {}, ())
+        fresh = self._supported and t_ns - self._seen_ns <= self._config.stale_after_s * 1e9
+        state: FusionState = "tracking" if fresh else "lost" if self._is_lost(t_ns) else "predicted"
+        return Fused(
+            t_ns,
+            state,
+            center.value.copy(),
+            center.rate.copy(),
+            center.covariance.copy(),
+            self._confidence,
+            judgements,
+            self._restarts(judgements, t_ns) if fresh else (),
+        )
+
+    def _restarts(self, judgements: Mapping[str, Judgement], t_ns: int) -> tuple[str, ...]:
+        support = sum(j.reliability for j in judgements.values())
+        names = []
+        for name, watch in self._drift.items():
+            others = support - (judgements[name].reliability if name in judgements else 0.0)
+            if watch.look(self._distance_from_fused(name, t_ns), others, t_ns):
+                names.append(name)
+        return tuple(names)
+
+    def _distance_from_fused(self, name: str, t_ns: int) -> float:
+        expert = self._experts[name].filter
+        if expert is None or self._center is None or self._lost[name]:
+            return math.inf
+        ahead, _ = expert.ahead(t_ns, (self._config.acceleration * self.unit) ** 2)
+        return float(np.linalg.norm((ahead - self._center.value) / self.unit))

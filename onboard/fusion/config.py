@@ -1,0 +1,75 @@
+"""Settings of the fusion of several sources (`[fusion]` of the vehicle file)."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+
+from common.config import ConfigError, Fraction, NonNegative, Positive, Section
+
+
+class FusionConfig(Section, frozen=True, kw_only=True):
+    """Weights, votes and times of HAB-DF (Echeverri 2016, chapter 4).
+
+    Distances are in units of the measurement (`Fusion.unit`): 1 for a plain signal, the target's size for boxes. The
+    noise of a source is its standard deviation in the same units; the penalties are variances against `omega_0`, which
+    stands for that noise, so that the thesis's figures for boxes (ω₀ = 10) keep their meaning.
+    """
+
+    acceleration: Positive = 3.0
+    """Root of the spectral density of the random acceleration, units/s^1.5: what rates change by in one second."""
+    start_rate: NonNegative = 2.0
+    """Standard deviation of the unknown rates at the start, units/s."""
+    outlier_confidence: Annotated[float, msgspec.Meta(gt=0.5, lt=1)] = 0.9999
+    """Share of healthy measurements below the switch of eq. 4.4. It gives ζ/η = sqrt(N χ²_N), the largest value of
+    eq. 4.3 inside that ellipsoid: 9.7 for a box (the thesis: 10)."""
+    outlier_zeta: Positive = 10.0
+    """ζ of eq. 4.4; η follows from it and the switch, and is 1 for a box."""
+    delta: NonNegative = 1000.0
+    """Δ of eq. 4.8 against ω₀: the penalty of an outlier (the thesis: 10 for TLD and Struck, 1,000 for CMT)."""
+    delta_unsure: NonNegative = 10_000.0
+    """Δ while a source's own confidence is below its threshold (the thesis: 10,000)."""
+    omega_0: Positive = 10.0
+    """ω₀ of eq. 4.7."""
+    omega: NonNegative = 1000.0
+    """ω of eq. 4.7 (the thesis: 500 to 20,000)."""
+    vote_slope: Positive = 12.0
+    """η of eq. 4.7, 1/unit."""
+    vote_lambda: Positive = 4.0
+    """λ of eq. 4.7: the penalty begins at the distance λ/η."""
+    standing_fall_s: Positive = 0.2
+    """Time constant with which a source that agrees with nobody loses its standing, s: agreeing with it counts less."""
+    standing_rise_s: Positive = 4.0
+    """Time constant with which agreement with any other gives it back, s: for so long two faulty sources that meet by
+    chance cannot outvote the past; then they can."""
+    correlation: Fraction = 0.5
+    """Correlation of the sources' errors: trackers that watch the same pixels err together. 0 treats n equal sources as
+    n independent ones, 1 as one."""
+    support: Fraction = 0.3
+    """Least reliability (fault-free variance over eq. 4.8) of some source in a step that counts as seen."""
+    predict_for_s: NonNegative = 1.0
+    """How long the answer is predicted without any reliable source before it is called lost, s."""
+    stale_after_s: Positive = 0.5
+    """A source that has said nothing for so long has no vote, s."""
+    forget_after_s: Positive = 0.5
+    """A source that comes back after so long without a measurement begins a new filter, s."""
+    confidence_memory_s: Positive = 0.5
+    """Time constant with which the fusion's own confidence falls without support, s."""
+    drift_enter: Positive = 0.5
+    """Distance from the fused answer above which a source counts as drifted, units."""
+    drift_leave: Positive = 0.3
+    """Distance below which it no longer does, units."""
+    drift_after_s: NonNegative = 0.5
+    """How long it must have drifted before it is to be started anew, s."""
+    restart_every_s: Positive = 1.0
+    """Shortest time between two new starts of one source, s."""
+    restart_support: NonNegative = 0.8
+    """Least sum of the others' reliabilities for a new start: it would copy a wrong answer."""
+
+    def check(self) -> None:
+        """Raise ConfigError when the hysteresis is the wrong way round."""
+        if self.drift_leave > self.drift_enter:
+            raise ConfigError(
+                f"drift_leave: got {self.drift_leave}, above drift_enter {self.drift_enter}; expected at most that"
+            )

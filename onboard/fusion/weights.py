@@ -1,0 +1,71 @@
+"""How far a source is trusted: the outlier weight, the vote, and the variance they give (Echeverri 2016, 4.2, 4.3)."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+from scipy.stats import chi2
+
+_LARGEST_EXPONENT = 700.0
+
+
+def mahalanobis(innovation: np.ndarray, variance: np.ndarray) -> float:
+    """Approximated Mahalanobis distance of an innovation (N,) with the diagonal (N,) of its covariance (eq. 4.3).
+
+    It is the sum of the components' own distances, hence between the distance of eq. 4.2 and sqrt(N) times it.
+    """
+    return float(np.abs(innovation / np.sqrt(variance)).sum())
+
+
+@cache
+def outlier_switch(size: int, confidence: float) -> float:
+    """Distance ζ/η at which eq. 4.4 switches, for N values: sqrt(N χ²_N(confidence)).
+
+    That is the largest value of eq. 4.3 inside the ellipsoid that holds this share of healthy measurements.
+    """
+    return math.sqrt(size * float(chi2.ppf(confidence, size)))
+
+
+def outlier_weight(distance: float, slope: float, zeta: float) -> float:
+    """Weight w_M of a distance M, 0 to 1 (eq. 4.4); one half at M = ζ/η."""
+    return 1.0 / (1.0 + math.exp(min(_LARGEST_EXPONENT, zeta - slope * distance)))
+
+
+def vote_weight(distance: float, omega_0: float, omega: float, slope: float, lambda_: float) -> float:
+    """Weight w_d of the distance to the nearest other source (eq. 4.7): from ω₀ to ω₀ + 2 ω, ω₀ + ω at λ/η."""
+    return omega_0 + omega * (1.0 + math.tanh(slope * distance - lambda_))
+
+
+def severity(ratio: float) -> float:
+    """Factor on a penalty for a distance of so many times its switch: 1 up to there, then its fourth power.
+
+    Both weights of the thesis are bounded, so the pull of a far measurement on the linear update would grow with its
+    distance; with this it falls, and a source at infinity has none.
+    """
+    return min(max(1.0, ratio), 1e15) ** 4
+
+
+def nearest(points: np.ndarray, handicap: np.ndarray) -> np.ndarray:
+    """Distance (n,) of each of n points (n, N) to the nearest other one (eqs 4.5, 4.6).
+
+    Each distance is longer by the greater of the two points' handicaps (n,). A single point has nobody to agree with:
+    infinite.
+    """
+    offsets = points[:, None, :] - points[None, :, :]
+    distances = np.sqrt((offsets * offsets).sum(axis=2)) + np.maximum(handicap[:, None], handicap)
+    np.fill_diagonal(distances, math.inf)
+    return distances.min(axis=1)
+
+
+def combine(values: np.ndarray, variances: np.ndarray, correlation: float) -> tuple[np.ndarray, np.ndarray]:
+    """Weighted mean (N,) of n measurements (n, N) with variances (n, N), and its variance (N,).
+
+    Errors have the given correlation: n equal sources give R (ρ + (1 - ρ) / n). With unequal ones, n is Kish's
+    effective number (ΣW)² / ΣW² of the weights W = 1 / R.
+    """
+    weights = 1.0 / variances
+    total = weights.sum(axis=0)
+    alone = (total * total) / (weights * weights).sum(axis=0)
+    return (weights * values).sum(axis=0) / total, (1.0 + correlation * (alone - 1.0)) / total
