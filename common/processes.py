@@ -45,6 +45,13 @@ PROCESSES: dict[str, ProcessSpec] = {
             "onboard",
         ),
         ProcessSpec(
+            "proximity",
+            "onboard",
+            "onboard.proximity.node:ProximityNode",
+            "nearest points of depth pictures by direction, for the limiter",
+            "onboard",
+        ),
+        ProcessSpec(
             "helm",
             "onboard",
             "onboard.helm.node:HelmNode",
@@ -78,6 +85,7 @@ SECTIONS: dict[str, str] = {
     "camera": "common.geometry.config:CamerasConfig",
     "video": "onboard.camera.config:VideoConfig",
     "helm": "onboard.helm.config:HelmConfig",
+    "proximity": "onboard.proximity.config:ProximityConfig",
     "limiter": "onboard.limiter.config:LimiterConfig",
     "tracker": "common.tracking.config:ParticleFilterConfig",
     "pursuit": "ground.pursuit.config:PursuitConfig",
