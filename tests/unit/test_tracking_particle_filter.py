@@ -43,6 +43,27 @@ def test_turning_and_growing_car_is_followed(seed: int) -> None:
     assert np.median(np.abs(np.log(sizes))) < 0.12
 
 
+def test_the_sweep_takes_the_lag_out_of_a_turn() -> None:
+    """A car that turns by 1.4 rad/s: the weighted mean alone stays behind it."""
+
+    def path(t_s: float) -> Pose:
+        return Pose(320.0 + 40.0 * t_s, 240.0, min(max(1.4 * (t_s - 0.7), 0.0), 1.6))
+
+    rms_rad = {}
+    for sweep_rad in (0.0, 0.4):
+        config = ParticleFilterConfig(turn_sweep_rad=sweep_rad, limit_floor=0.48)
+        tracker = ParticleFilterTracker(config, np.random.default_rng(2))
+        errors = []
+        for index, (t_ns, frame, pose) in enumerate(Scene(path, seed=2).frames(1.8)):
+            if index == 0:
+                tracker.init(frame, pose.box(), pose.angle_rad, t_ns)
+            else:
+                errors.append(math.remainder(tracker.update(frame, t_ns).angle_rad - pose.angle_rad, 2 * math.pi))
+        rms_rad[sweep_rad] = float(np.sqrt(np.mean(np.square(errors[14:]))))
+    assert rms_rad[0.4] < 0.5 * rms_rad[0.0]
+    assert rms_rad[0.4] < 0.05
+
+
 def test_full_occlusion_is_noticed_and_overcome() -> None:
     def bridge(frame: np.ndarray, t_s: float) -> None:
         frame[:, 300:420] = (90, 90, 90)
