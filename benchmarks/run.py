@@ -6,7 +6,17 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks import autopilot, chase, fusion_depth, fusion_signal, latency, people_speed, pursuit, pursuit_speed
+from benchmarks import (
+    autopilot,
+    chase,
+    fusion_depth,
+    fusion_signal,
+    latency,
+    people_pose,
+    people_speed,
+    pursuit,
+    pursuit_speed,
+)
 from benchmarks.base import Benchmark, Outcome, Settings, as_json
 from common.config import ConfigError, unknown_key_text
 
@@ -18,6 +28,7 @@ BENCHMARKS: dict[str, Benchmark] = {
         pursuit.BENCHMARK,
         pursuit_speed.BENCHMARK,
         people_speed.BENCHMARK,
+        people_pose.BENCHMARK,
         fusion_signal.BENCHMARK,
         fusion_depth.BENCHMARK,
         autopilot.BENCHMARK,

@@ -15,6 +15,8 @@ readonly LEVEL="${1:-run}"
 readonly VENV=.venv
 readonly VIDEO=/usr/share/doc/opencv-doc/examples/data/vtest.avi
 readonly VIDEO_COPY="$VENV/share/outrider/vtest.avi"
+readonly POSE_NETWORK="$VENV/share/outrider/pose_landmark_full.tflite"
+readonly POSE_NETWORK_SHA256=e9a5c5cb17f736fafd4c2ec1da3b3d331d6edbe8a0d32395855aeb2cdfd64b9f
 
 say() { printf 'set-up: %s\n' "$*"; }
 fail() { printf 'set-up: %s\n' "$*" >&2; exit 1; }
@@ -142,6 +144,43 @@ PYTHON
   )" || fail "OpenGL does not render without a display: ${output##*$'\n'}. Expected Mesa's software driver or a GPU's EGL: sudo apt-get install libegl-mesa0 libgl1-mesa-dri"
 }
 
+# ---------------------------------------------------------------- the pose network
+
+# One file of a large wheel, which is not installed: it would bring a hundred packages. Apache-2.0, Google's MediaPipe.
+# The same wheel on every machine: the network in it is data. `onboard/people/pose_file.py` checks the same sum.
+fetch_pose_network() {
+  local folder
+  if [ -f "$POSE_NETWORK" ]; then return; fi
+  say "fetching the pose network out of the wheel of mediapipe 0.10.21 (36 MB)"
+  folder="$(mktemp -d)"
+  if "$VENV/bin/python" -m pip download --quiet --no-deps --only-binary :all: --platform manylinux_2_28_x86_64 \
+       --python-version 3.11 --dest "$folder" mediapipe==0.10.21 &&
+    "$VENV/bin/python" - "$folder" "$POSE_NETWORK" "$POSE_NETWORK_SHA256" <<'PYTHON'
+import hashlib, sys, zipfile
+from pathlib import Path
+folder, place, expected = Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3]
+(wheel,) = folder.glob("mediapipe-*.whl")
+with zipfile.ZipFile(wheel) as archive:
+    data = archive.read("mediapipe/modules/pose_landmark/pose_landmark_full.tflite")
+    licence = archive.read("mediapipe-0.10.21.dist-info/LICENSE")
+found = hashlib.sha256(data).hexdigest()
+if found != expected:
+    raise SystemExit(f"set-up: the pose network has SHA-256 {found}, expected {expected}")
+place.parent.mkdir(parents=True, exist_ok=True)
+place.with_suffix(".LICENSE").write_bytes(licence)
+part = place.with_suffix(".part")
+part.write_bytes(data)
+part.rename(place)
+PYTHON
+  then
+    rm -rf "$folder"
+    return
+  fi
+  rm -rf "$folder"
+  [ "$LEVEL" != test ] || fail "could not take the pose network out of the wheel; the lines above say why"
+  say "going on without the pose network: only the search for people needs it"
+}
+
 # ---------------------------------------------------------------- what only the tests need
 
 # The sample video is one file of a large documentation package, which minimal systems install without its files:
@@ -179,6 +218,7 @@ main() {
   make_venv
   install_python_packages
   check_rendering
+  fetch_pose_network
   if [ "$LEVEL" = test ]; then
     check_chromium
     fetch_video

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -55,18 +54,6 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         ours = [item for item in items if item.get_closest_marker("own_autopilot")]
         config.hook.pytest_deselected(items=ours)
         items[:] = [item for item in items if item not in ours]
-
-
-def sample_video() -> Path:
-    """Debian's sample video vtest.avi, where the package or set-up has put it."""
-    places = (
-        Path("/usr/share/doc/opencv-doc/examples/data/vtest.avi"),
-        Path(sys.prefix) / "share" / "outrider" / "vtest.avi",
-    )
-    for place in places:
-        if place.is_file():
-            return place
-    raise FileNotFoundError(f"vtest.avi: expected it at one of {[str(p) for p in places]}; run scripts/setup.sh test")
 
 
 def _group(path: Path) -> str:

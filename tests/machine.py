@@ -7,26 +7,11 @@ import os
 import random
 import shutil
 import socket
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 
 LOOPBACK = "127.0.0.1"
 _FIRST_PORT, _PORTS_EACH = 20_000, 3_000
 """Ports below those that the kernel gives to whoever asks for any: nobody else takes one before the test does."""
-
-
-def sample_video() -> Path:
-    """OpenCV's `vtest.avi` (people on a square, 768×576, 10 Hz): Debian's own, or the copy that set-up made.
-
-    Raises:
-        FileNotFoundError: set-up has not run.
-    """
-    places = (Path("/usr/share/doc/opencv-doc/examples/data/vtest.avi"), Path(sys.prefix) / "share/outrider/vtest.avi")
-    for place in places:
-        if place.is_file():
-            return place
-    raise FileNotFoundError(f"no sample video: expected one of {[str(p) for p in places]}; run `make test`")
 
 
 def chromium() -> str:

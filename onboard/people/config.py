@@ -79,3 +79,32 @@ class ClusterConfig(Section, frozen=True, kw_only=True):
             raise ConfigError(
                 f"least_area_m2: got {self.least_area_m2}, expected less than most_area_m2 ({self.most_area_m2})"
             )
+
+
+class PoseFilterConfig(Section, frozen=True, kw_only=True):
+    """Human Pose Filter (Al-Kaff 2019, section 4.2). Lengths are shares of the line from the head to the feet.
+
+    Set on pictures of Debian's sample vtest.avi, where people's necks are 0.11 to 0.17 long, trunks 0.34 to 0.44, the
+    extent is 0.69 to 0.88 of the box's, the mean confidence 0.74 and the presence 0.89 or more.
+    """
+
+    least_presence: Fraction = 0.8
+    """What the network must say about a person being there; sign posts and jackets reach 0.98 now and then."""
+    least_confidence: Fraction = 0.7
+    """Least mean confidence of the joints."""
+    least_region_px: Positive = 36.0
+    """Shorter regions show too little to tell a person from a jacket, px."""
+    least_neck: Positive = 0.09
+    """The paper's T, the least distance of head and neck."""
+    most_neck: Positive = 0.5
+    """The greatest: a sitting person seen from above is short."""
+    least_trunk: Positive = 0.3
+    """Least distance of neck and waist."""
+    least_filled: Positive = 0.65
+    """Least extent of the joints along the body over the region's length."""
+    most_filled: Positive = 1.25
+    """Greatest extent over it."""
+    least_body_m: Positive = 0.35
+    """Shortest extent of the joints, m; sitting people and those seen from straight above are short."""
+    most_body_m: Positive = 2.4
+    """Greatest extent, m."""

@@ -1,12 +1,17 @@
-"""Clusters do not depend on the order of the points, and are those of the definition."""
+"""Clusters are those of the definition whatever the order; the pose filter sees neither rotation nor scale."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from onboard.people.compiled import dbscan
+from onboard.people.config import PoseFilterConfig
+from onboard.people.pose_filter import pose_refusal, upright
+from tests.unit.people_bodies import STANDING, moved, pose, region_of
 
 
 def _points(seed: int, count: int, spread_m: float) -> np.ndarray:
@@ -60,3 +65,24 @@ def test_the_order_of_the_points_does_not_matter(seed: int, count: int, radius: 
     straight, shuffled = dbscan(points, radius, 1), dbscan(np.ascontiguousarray(points[order]), radius, 1)
     pairs = set(zip(straight[order].tolist(), shuffled.tolist(), strict=True))
     assert len(pairs) == len({a for a, _ in pairs}) == len({b for _, b in pairs})
+
+
+@settings(max_examples=60)
+@given(
+    st.integers(0, 10_000),
+    st.floats(-math.pi, math.pi),
+    st.floats(0.7, 4.0),
+    st.tuples(st.floats(-200, 200), st.floats(-200, 200)),
+)
+def test_the_pose_filter_does_not_see_rotation_translation_and_scale(
+    seed: int, angle_rad: float, scale: float, shift: tuple[float, float]
+):
+    rng = np.random.default_rng(seed)
+    joints = STANDING + rng.normal(size=(15, 2)) * rng.uniform(0.0, 12.0)
+    config = PoseFilterConfig(least_region_px=1.0, least_filled=0.01, most_filled=100.0)
+    plain = pose_refusal(pose(joints), region_of(STANDING), config)
+    changed = moved(joints, angle_rad, scale, shift)
+    assert pose_refusal(pose(changed), region_of(moved(STANDING, angle_rad, scale, shift)), config) == plain
+    np.testing.assert_allclose(
+        upright(changed) - changed[0], scale * (upright(joints) - joints[0]), atol=1e-6 * scale * 1e3
+    )

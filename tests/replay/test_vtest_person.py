@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 import pytest
 
+from benchmarks.sample_video import sample_video
 from common.cli import main
 from common.tracking.config import ParticleFilterConfig
 from common.tracking.particle_filter import ParticleFilterTracker
-from tests.conftest import sample_video
 
 BOXES = Path(__file__).parent / "vtest_person.csv"
 

@@ -18,8 +18,8 @@ from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 
+from benchmarks.sample_video import sample_video
 from common.cli import main
-from tests.machine import sample_video
 from tests.system.namespaces import Machines, inside_user_namespace, rerun_in_user_namespace
 
 STRANGER = Path(__file__).parent / "stranger.py"

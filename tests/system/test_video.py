@@ -8,9 +8,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from benchmarks.sample_video import sample_video
 from common.header import Received
 from common.messages import Command, Track
-from tests.conftest import sample_video
 from tests.replay.test_vtest_person import BOXES
 from tests.system.stack import Seen, Stack
 

@@ -1,0 +1,85 @@
+"""The Human Pose Filter on skeletons in closed form (Al-Kaff 2019, eqs 1 to 4)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from onboard.people.config import PoseFilterConfig
+from onboard.people.pose import ANKLE_L, HEAD, KNEE_L, KNEE_R, NECK
+from onboard.people.pose_filter import pose_refusal, upright
+from tests.unit.people_bodies import STANDING, moved, pose, region_of
+
+CONFIG = PoseFilterConfig()
+
+
+@pytest.mark.parametrize("angle_deg", [0, 45, 90, 135, 180, -135, -90, -45])
+def test_turned_upright_about_the_head(angle_deg: float):
+    joints = moved(STANDING, math.radians(angle_deg), 0.7, (300.0, 200.0))
+    turned = upright(joints)
+    np.testing.assert_allclose(turned[HEAD], joints[HEAD])
+    np.testing.assert_allclose(turned - turned[HEAD], 0.7 * STANDING, atol=1e-9)
+
+
+def _refusal(joints: np.ndarray, **kwargs: float) -> str:
+    return pose_refusal(pose(joints, **kwargs), region_of(STANDING), CONFIG)
+
+
+def test_a_standing_person_passes():
+    assert _refusal(STANDING) == ""
+
+
+def test_a_person_who_sits_with_knees_up_passes():
+    joints = STANDING.copy()
+    joints[[KNEE_R, KNEE_L], 1] = 50.0
+    assert _refusal(joints) == ""
+
+
+@pytest.mark.parametrize("joint", [KNEE_R, KNEE_L, 8, 11])
+def test_a_leg_joint_above_the_neck_is_refused_on_either_side(joint: int):
+    joints = STANDING.copy()
+    joints[joint, 1] = 5.0
+    assert "order that no body has" in _refusal(joints)
+
+
+def test_one_foot_above_the_neck_is_refused():
+    joints = STANDING.copy()
+    joints[ANKLE_L] = [60.0, -30.0]
+    assert _refusal(joints)
+
+
+def test_no_head_no_person():
+    joints = STANDING.copy()
+    joints[NECK] = joints[HEAD] + [0.0, 5.0]
+    assert "body lengths from the neck" in _refusal(joints)
+    joints[NECK] = joints[HEAD] - [0.0, 30.0]
+    assert "order that no body has" in _refusal(joints)
+
+
+def test_what_the_network_doubts_is_refused():
+    assert "presence 0.40" in _refusal(STANDING, presence=0.4)
+    assert "mean confidence 0.30" in _refusal(STANDING, confidence=0.3)
+
+
+def test_a_body_smaller_or_larger_than_its_region_is_refused():
+    assert "as long as the region" in _refusal(moved(STANDING, 0.0, 0.5, (0.0, 30.0)))
+    assert "as long as the region" in _refusal(moved(STANDING, 0.0, 2.0, (0.0, -60.0)))
+
+
+def test_tiny_regions_and_broken_numbers_are_refused():
+    small = moved(STANDING, 0.0, 0.2, (0.0, 0.0))
+    assert "px long" in pose_refusal(pose(small), region_of(small), CONFIG)
+    broken = STANDING.copy()
+    broken[3, 0] = np.nan
+    assert "no numbers" in _refusal(broken)
+
+
+@pytest.mark.parametrize(("distance_m", "passes"), [(1.0, False), (7.0, True), (20.0, True), (40.0, False)])
+def test_with_depth_the_body_has_to_be_as_long_as_people_are(distance_m: float, passes: bool):
+    """120 px at a focal length of 1000 px are 0.12 m for each metre of distance."""
+    region = replace(region_of(STANDING), camera_p_m=(0.0, 0.0, distance_m))
+    said = pose_refusal(pose(), region, CONFIG, focal_px=1000.0)
+    assert (said == "") == passes and ("m long" in said) == (not passes)
