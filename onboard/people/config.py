@@ -108,3 +108,27 @@ class PoseFilterConfig(Section, frozen=True, kw_only=True):
     """Shortest extent of the joints, m; sitting people and those seen from straight above are short."""
     most_body_m: Positive = 2.4
     """Greatest extent, m."""
+
+
+class AssociationConfig(Section, frozen=True, kw_only=True):
+    """Association and tracks (Al-Kaff 2019, sections 4.3 and 4.4). Costs are dissimilarities of 0 to about 1."""
+
+    gate: Fraction = 0.13
+    """Largest cost at which a detection is a known person; above it, it is a new one. In Debian's sample vtest.avi nine
+    of ten pairs of boxes of one person cost less than 0.13, and nine of ten of two people more than 0.10."""
+    pose_weight: Annotated[float, msgspec.Meta(ge=0)] = 1.0
+    """How much a pose distance of one body length enlarges the cost."""
+    pose_memory_s: Positive = 2.0
+    """Time constant with which a pose loses its weight, s."""
+    gallery: Annotated[int, msgspec.Meta(ge=2, le=50)] = 6
+    """Looks that are kept of each person."""
+    same_look: Fraction = 0.95
+    """Similarity above which a look is in the gallery already."""
+    confirm_hits: Annotated[int, msgspec.Meta(ge=1)] = 3
+    """Pictures in which a person must be seen to be believed."""
+    provisional_s: Positive = 2.0
+    """A person not yet believed who is out of sight for this long is forgotten, s."""
+    walk_m_s: Positive = 2.0
+    """How fast people get elsewhere, m/s."""
+    slack_m: Positive = 1.0
+    """What a position may be wrong besides its covariance, m."""

@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from onboard.people.association import pose_dissimilarity
 from onboard.people.compiled import dbscan
 from onboard.people.config import PoseFilterConfig
 from onboard.people.pose_filter import pose_refusal, upright
@@ -86,3 +88,20 @@ def test_the_pose_filter_does_not_see_rotation_translation_and_scale(
     np.testing.assert_allclose(
         upright(changed) - changed[0], scale * (upright(joints) - joints[0]), atol=1e-6 * scale * 1e3
     )
+
+
+@settings(max_examples=60)
+@given(
+    st.integers(0, 10_000),
+    st.floats(-math.pi, math.pi),
+    st.floats(0.2, 5.0),
+    st.tuples(st.floats(-200, 200), st.floats(-200, 200)),
+)
+def test_the_pose_distance_does_not_see_rotation_translation_and_scale(
+    seed: int, angle_rad: float, scale: float, shift: tuple[float, float]
+):
+    rng = np.random.default_rng(seed)
+    one, other = (STANDING + rng.normal(size=(15, 2)) * 10.0 for _ in range(2))
+    plain = pose_dissimilarity(pose(one), pose(other))
+    assert plain == pytest.approx(pose_dissimilarity(pose(other), pose(one)))
+    assert pose_dissimilarity(pose(moved(one, angle_rad, scale, shift)), pose(other)) == pytest.approx(plain, abs=1e-9)

@@ -1,0 +1,169 @@
+"""People who were found: each with a number that stays (Al-Kaff 2019, section 4.4)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from common.geometry.rotation import Array
+from onboard.people.appearance import Look, similarity
+from onboard.people.association import assign, match_cost
+from onboard.people.config import AssociationConfig
+from onboard.people.pose import Pose
+
+_LARGEST_STEP_S = 600.0
+
+
+@dataclass(frozen=True)
+class Detection:
+    """A person in one picture."""
+
+    pose: Pose
+    """Joints."""
+    look: Look
+    """Colours."""
+    ned_p_m: Array | None = None
+    """(3,) position; None without depth or vehicle pose."""
+    ned_p_cov_m2: Array | None = None
+    """(3, 3) its covariance."""
+
+
+@dataclass(frozen=True)
+class Track:
+    """A person who was seen."""
+
+    number: int
+    """Identity, from 1; never given twice."""
+    confirmed: bool
+    """Whether it was seen in enough pictures to be believed."""
+    hits: int
+    """Pictures in which it was seen."""
+    looks: tuple[Look, ...]
+    """Gallery: looks that differ."""
+    pose: Pose
+    """The last one."""
+    seen_ns: int
+    """When that was."""
+    first_ns: int
+    """When it was first seen."""
+    ned_p_m: Array | None
+    """(3,) where; stays when the person is out of sight; None where it was never known."""
+    ned_p_cov_m2: Array | None
+    """(3, 3) covariance at `seen_ns`."""
+
+
+class PeopleTracker:
+    """Gives each detection a person, known or new. Confirmed people are never forgotten.
+
+    Args:
+        config: gate, gallery, confirmation.
+    """
+
+    def __init__(self, config: AssociationConfig):
+        self.config = config
+        self.tracks: list[Track] = []
+        self._next = 1
+        self._last_ns: int | None = None
+
+    def update(self, detections: Sequence[Detection], t_ns: int) -> list[int]:
+        """Number of the person that each detection shows.
+
+        Args:
+            detections: of one picture.
+            t_ns: the picture's capture time; not before the last one's.
+
+        Raises:
+            ValueError: time runs backwards.
+        """
+        if self._last_ns is not None and t_ns < self._last_ns:
+            raise ValueError(f"tracks: got t_ns {t_ns}, expected at least {self._last_ns}: pictures in their order")
+        self._last_ns = t_ns
+        # In the order of their numbers whatever the order of the detections; ties are broken by cost alone.
+        costs = np.array([[self._cost(track, d, t_ns) for d in detections] for track in self.tracks])
+        numbers = [0] * len(detections)
+        for row, column in assign(costs, self.config.gate):
+            self.tracks[row] = self._seen_again(self.tracks[row], detections[column], t_ns)
+            numbers[column] = self.tracks[row].number
+        for index, detection in enumerate(detections):
+            if not numbers[index]:
+                numbers[index] = self._begin(detection, t_ns)
+        self._drop_doubtful(t_ns)
+        return numbers
+
+    def _cost(self, track: Track, detection: Detection, t_ns: int) -> float:
+        gap_s = (t_ns - track.seen_ns) / 1e9
+        if not self._reachable(track, detection, gap_s):
+            return float("inf")
+        return match_cost(track.looks, track.pose, detection.look, detection.pose, gap_s, self.config)
+
+    def _reachable(self, track: Track, detection: Detection, gap_s: float) -> bool:
+        """Whether the person can have walked there in the time; yes where a position is not known."""
+        if track.ned_p_m is None or detection.ned_p_m is None:
+            return True
+        variance = sum(
+            float(np.linalg.eigvalsh(c)[-1]) for c in (track.ned_p_cov_m2, detection.ned_p_cov_m2) if c is not None
+        )
+        reach = self.config.walk_m_s * min(gap_s, _LARGEST_STEP_S) + self.config.slack_m + 3.0 * variance**0.5
+        return float(np.linalg.norm(detection.ned_p_m - track.ned_p_m)) <= reach
+
+    def _seen_again(self, track: Track, detection: Detection, t_ns: int) -> Track:
+        hits = track.hits + 1
+        position, covariance = self._position(track, detection, (t_ns - track.seen_ns) / 1e9)
+        return replace(
+            track,
+            hits=hits,
+            confirmed=track.confirmed or hits >= self.config.confirm_hits,
+            looks=self._gallery(track.looks, detection.look),
+            pose=detection.pose,
+            seen_ns=t_ns,
+            ned_p_m=position,
+            ned_p_cov_m2=covariance,
+        )
+
+    def _position(self, track: Track, detection: Detection, gap_s: float) -> tuple[Array | None, Array | None]:
+        """A person stands or walks: Kalman filter of a random walk."""
+        if detection.ned_p_m is None or detection.ned_p_cov_m2 is None:
+            return track.ned_p_m, track.ned_p_cov_m2
+        if track.ned_p_m is None or track.ned_p_cov_m2 is None:
+            return detection.ned_p_m, detection.ned_p_cov_m2
+        predicted = track.ned_p_cov_m2 + np.eye(3) * (self.config.walk_m_s * min(gap_s, _LARGEST_STEP_S)) ** 2
+        gain = predicted @ np.linalg.inv(predicted + detection.ned_p_cov_m2)
+        left = np.eye(3) - gain
+        # Joseph's form stays symmetric and positive.
+        covariance = left @ predicted @ left.T + gain @ detection.ned_p_cov_m2 @ gain.T
+        return track.ned_p_m + gain @ (detection.ned_p_m - track.ned_p_m), 0.5 * (covariance + covariance.T)
+
+    def _gallery(self, looks: tuple[Look, ...], look: Look) -> tuple[Look, ...]:
+        """A look that none of the gallery resembles joins it; a full gallery gives up the one most like another."""
+        if max(similarity(known, look) for known in looks) > self.config.same_look:
+            return looks
+        if len(looks) < self.config.gallery:
+            return (*looks, look)
+        likeness = [max(similarity(a, b) for b in looks if b is not a) for a in looks]
+        drop = int(np.argmax(likeness))
+        return (*looks[:drop], *looks[drop + 1 :], look)
+
+    def _begin(self, detection: Detection, t_ns: int) -> int:
+        number = self._next
+        self._next += 1
+        self.tracks.append(
+            Track(
+                number,
+                self.config.confirm_hits <= 1,
+                1,
+                (detection.look,),
+                detection.pose,
+                t_ns,
+                t_ns,
+                detection.ned_p_m,
+                detection.ned_p_cov_m2,
+            )
+        )
+        return number
+
+    def _drop_doubtful(self, t_ns: int) -> None:
+        """Provisional people who were not seen again within the time were false alarms."""
+        limit_ns = round(self.config.provisional_s * 1e9)
+        self.tracks = [t for t in self.tracks if t.confirmed or t_ns - t.seen_ns <= limit_ns]
