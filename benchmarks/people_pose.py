@@ -36,6 +36,8 @@ class Annotated:
     w: int
     h: int
     person: bool
+    identity: str = ""
+    """One letter for a person who is recognised in several frames."""
 
     def region(self) -> Region:
         """The box as a region without depth."""
@@ -65,7 +67,9 @@ def annotated() -> list[Annotated]:
     """All boxes of `people_vtest.csv`."""
     rows = [line for line in BOXES.read_text().splitlines() if not line.startswith("#")]
     return [
-        Annotated(*(int(r[k]) for k in ("frame", "x", "y", "w", "h")), person=r["person"] == "1")
+        Annotated(
+            *(int(r[k]) for k in ("frame", "x", "y", "w", "h")), person=r["person"] == "1", identity=r["identity"]
+        )
         for r in csv.DictReader(rows)
     ]
 
