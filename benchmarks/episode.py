@@ -20,14 +20,16 @@ import numpy as np
 
 from common.config import Config
 from common.geometry.config import CamerasConfig
-from common.geometry.rotation import euler_from_quat, quat_rotate, wrap_angle
+from common.geometry.rotation import as_vec3, euler_from_quat, quat_rotate, wrap_angle
+from common.messages import VehicleState
 from common.tracking.base import Tracker
 from common.tracking.registry import make_tracker
 from common.truth import Truth
 from ground.pursuit.config import PursuitConfig
+from ground.pursuit.history import StateHistory
+from ground.pursuit.horizon import Horizon
 from ground.pursuit.node import request_of
 from ground.pursuit.pursuer import Pursued, Pursuer
-from ground.pursuit.view import Pose
 from onboard.camera.config import VideoConfig
 from onboard.helm.arbiter import Candidate, arbitrate
 from onboard.helm.config import HelmConfig
@@ -54,6 +56,8 @@ _TO_SETPOINT_NS = 25_000_000
 _TAKEOFF_S = 60.0
 _SLOPE_S = 0.5
 _COURSE_GAIN_1_S = 0.3
+_STATE_CYCLES = 5  # of the autopilot's between two states: 50 Hz
+_GYRO_BIAS_RAD_S = 0.0005  # what an autopilot's own bias estimate leaves, standard deviation
 
 
 @dataclass
@@ -94,6 +98,10 @@ class Episode:
         rng = np.random.default_rng(seed)
         self._pursuit = section
         self._pursuer = Pursuer(section, lambda: make_tracker(section.tracker, config, rng))
+        self._states = StateHistory(section.history_s, Horizon(section.attitude_doubt_rad, section.attitude_doubt_s))
+        self._gyro = np.random.default_rng((seed, 414))
+        self._gyro_bias_rad_s = self._gyro.normal(0.0, _GYRO_BIAS_RAD_S, 3)
+        self._gyro_noise_rad_s = autopilot.gyro_noise_rad_s
         self._helm = config.section(HelmConfig)
         self._pilot = Pilot(self._helm, config.section(LimiterConfig))
         self._jpeg = [cv2.IMWRITE_JPEG_QUALITY, config.section(VideoConfig).jpeg_quality]
@@ -132,7 +140,7 @@ class Episode:
                         self._select(frame, truth, capture_ns)
                         selected = True
                     else:
-                        pursued = self._pursuer.step(frame, capture_ns, self._camera, self._pose())
+                        pursued = self._pursuer.step(frame, capture_ns, self._camera, self._states.pose(capture_ns)[0])
                 self._obey(pursued, capture_ns)
                 self._note(truth, pursued, capture_ns)
                 progress((capture_ns - start_ns) / (duration_s * _SEC_NS))
@@ -148,6 +156,7 @@ class Episode:
         vehicle.command(Mode.TAKEOFF, self._height_m)
         while vehicle.modes.mode is Mode.TAKEOFF and vehicle.t_s < _TAKEOFF_S:
             vehicle.step()
+            self._tell()
             if round(vehicle.t_s / vehicle.dt_s) % 12 == 0:
                 self._stage.place(self._motion(self._now_ns()))  # cars set off once the vehicle is airborne
         self._send(LocalSetpoint(0.0, 0.0, -self._height_m, 0.0, 0.0))
@@ -255,6 +264,7 @@ class Episode:
     def _step_until(self, t_ns: int) -> None:
         while self._now_ns() < t_ns:
             self._vehicle.step()
+            self._tell()
 
     def _motion(self, t_ns: int) -> Motion:
         t = self._vehicle.truth
@@ -262,9 +272,23 @@ class Episode:
             t_ns, np.array(t.ned_p_m), np.array(t.ned_v_m_s), np.array(t.ned_q_body), np.array(t.body_rates_rad_s)
         )
 
-    def _pose(self) -> Pose:
+    def _tell(self) -> None:
+        """What helm tells the ground of the vehicle, at its rate; gyroscopes with their noise and a bias."""
+        if round(self._vehicle.t_s / self._vehicle.dt_s) % _STATE_CYCLES:
+            return
         e = self._vehicle.estimate
-        return Pose(np.array(e.ned_p_m), np.array(e.ned_v_m_s), np.array(e.ned_q_body))
+        errors = self._gyro_bias_rad_s + self._gyro.normal(0.0, self._gyro_noise_rad_s, 3)
+        state = VehicleState(
+            ned_p_m=e.ned_p_m,
+            ned_v_m_s=e.ned_v_m_s,
+            ned_q_body=e.ned_q_body,
+            body_rates_rad_s=as_vec3(np.array(e.body_rates_rad_s) + errors),
+            armed=True,
+            in_air=True,
+            mode="OFFBOARD",
+            battery_fraction=-1.0,
+        )
+        self._states.add(state, self._now_ns() - round(self._vehicle.dt_s * _SEC_NS))  # it was true before the step
 
     def _telemetry(self, t_ns: int) -> Telemetry:
         e = self._vehicle.estimate

@@ -30,8 +30,8 @@ from common.geometry.rotation import euler_from_quat, wrap_angle
 from common.tracking.base import Expectation
 from ground.pursuit.config import PursuitConfig
 from ground.pursuit.heading import HeadingFilter
+from ground.pursuit.steering import Steering
 from ground.pursuit.target import TargetEstimate, TargetFilter
-from ground.pursuit.tilt import TiltLaw
 from ground.pursuit.view import LEAST_HEIGHT_M, Pose, View, off_axis_rad, pixel_of
 
 Array = NDArray[np.float64]
@@ -87,19 +87,14 @@ class ChaseLaw:
             TargetFilter(config.process_m_s2, config.measurement_m),
             HeadingFilter(config.turn_memory_s, config.turn_agility_rad_s2, config.turn_measurement_rad),
         )
-        self._tilt = TiltLaw(config) if config.output == "orientation" else None
+        self._steering = Steering(config)
         self.reset()
 
     def reset(self) -> None:
         """Forget target and command."""
         self.retarget()
-        if self._tilt is not None:
-            self._tilt.reset()
-        self._integral = np.zeros(2)
-        self._command = np.zeros(2)
-        self._towards = np.zeros(2)
+        self._steering.reset()
         self._odometry_m = np.zeros(2)
-        self._towards_m_s2 = self._config.acceleration_m_s2
         self._height_m: float | None = None
         self._last: tuple[Pose, int] | None = None
 
@@ -107,14 +102,13 @@ class ChaseLaw:
         """Forget how the target moves: it was found again, perhaps elsewhere. What is flown changes smoothly."""
         self._filters.target.reset()
         self._filters.heading.reset()
+        self._steering.retarget()
         self._kept: deque[tuple[int, _Filters]] = deque()
         self._unseen_since_ns: int | None = None
 
     def follow(self, view: View, pose: Pose, t_ns: int, angle_std_rad: float) -> Wish:
         """What to fly for a target that was seen in the picture captured at `t_ns`."""
         self._unseen_since_ns = None
-        self._towards = view.tangents / max(float(np.linalg.norm(view.tangents)), 1e-6)
-        self._towards_m_s2 = self._allowed_acceleration(view)
         f = self._filters
         if angle_std_rad <= self._config.yaw_doubt_rad:
             f.heading.update(view.heading_rad, t_ns)
@@ -125,10 +119,10 @@ class ChaseLaw:
         # The picture is lower than wide: a turn must not carry a target at its side over its upper edge.
         calm = max(0.0, 1.0 - off_axis_rad(view) / max(view.half_field_rad - self._config.view_margin_rad, 1e-3))
         yaw_rate_rad_s = calm * self._yaw_rate(pose, t_ns) if angle_std_rad <= self._config.yaw_doubt_rad else 0.0
-        if self._tilt is not None:
-            asked = self._tilt.step(view.relative_m, pose, t_ns, f.heading.predict(t_ns)[1])
-            return self._lean(self._tilt, asked, pose, t_ns, yaw_rate_rad_s, higher_m)
-        return self._steer(pose, t_ns, yaw_rate_rad_s, higher_m)
+        std_m = self._config.picture_rad * max(self._above_m(pose), LEAST_HEIGHT_M) + self._config.picture_m
+        turn_rad_s, most_m_s2 = f.heading.predict(t_ns)[1], self._allowed_acceleration(view)
+        request = self._steering.follow(view.relative_m, std_m, pose, t_ns, turn_rad_s, most_m_s2)
+        return self._wish(request, pose, t_ns, yaw_rate_rad_s, higher_m)
 
     def expected(self, camera: Camera, pose: Pose, t_ns: int) -> Expectation | None:
         """Where a picture captured at `t_ns` should show the target, and how that changed since the last picture.
@@ -166,42 +160,21 @@ class ChaseLaw:
             self._roll_back(t_ns)
         unseen_s = (t_ns - self._unseen_since_ns) / 1e9
         higher_m = self._config.climb_m if unseen_s >= self._config.climb_after_s else 0.0
-        if unseen_s <= self._config.coast_s:
-            yaw_rate_rad_s = self._yaw_rate(pose, t_ns)
-            target = self._filters.predict(t_ns)
-            if self._tilt is not None and target is not None:
-                relative_m, turn_rad_s = (
-                    target.position_m - self._place(pose, t_ns),
-                    self._filters.heading.predict(t_ns)[1],
-                )
-                asked = self._tilt.coast(relative_m, target.velocity_m_s, pose, t_ns, turn_rad_s)
-                return self._lean(self._tilt, asked, pose, t_ns, yaw_rate_rad_s, higher_m)
-            return self._steer(pose, t_ns, yaw_rate_rad_s, higher_m)
-        self._integral[:] = 0.0
-        return Wish(self._limited(np.zeros(2), self._step_s(pose, t_ns)), 0.0, self._climb(pose, higher_m))
-
-    def _steer(self, pose: Pose, t_ns: int, yaw_rate_rad_s: float, higher_m: float) -> Wish:
-        c = self._config
         target = self._filters.predict(t_ns)
-        if target is None:
-            return Wish(np.zeros(2), 0.0, self._climb(pose, higher_m))
-        dt_s = self._step_s(pose, t_ns)
-        vehicle_v = pose.ned_v_m_s[:2]
-        relative_v = target.velocity_m_s - vehicle_v
-        error_m = target.position_m - self._odometry_m + c.lead_s * relative_v  # eq. 7, times height
-        asked_v = c.position_gain_1_s * error_m  # eq. 9
-        error_v = asked_v + relative_v  # eq. 8
-        self._integral = _capped(self._integral + c.integral_gain_1_s * dt_s * error_v, c.integral_limit_m_s)
-        command = target.velocity_m_s + asked_v + c.velocity_gain * error_v + self._integral
-        return Wish(self._limited(command, dt_s), yaw_rate_rad_s, self._climb(pose, higher_m))
+        if target is None or unseen_s > self._config.coast_s:
+            stand = self._steering.stand(pose, t_ns)
+            self._note(pose, t_ns)
+            return Wish(stand, 0.0, self._climb(pose, higher_m))
+        relative_m, turn_rad_s = target.position_m - self._place(pose, t_ns), self._filters.heading.predict(t_ns)[1]
+        request = self._steering.coast(relative_m, target.velocity_m_s, pose, t_ns, turn_rad_s)
+        return self._wish(request, pose, t_ns, self._yaw_rate(pose, t_ns), higher_m)
 
-    def _lean(self, law: TiltLaw, asked: Array, pose: Pose, t_ns: int, yaw_rate_rad_s: float, higher_m: float) -> Wish:
-        """The orientation form: an acceleration, within its limits and within what keeps the target in view."""
-        self._step_s(pose, t_ns)
-        excess = float(asked @ self._towards) - self._towards_m_s2
-        asked = _capped(asked - max(0.0, excess) * self._towards, self._config.tilt_max_m_s2)
-        law.took(asked)
-        return Wish(pose.ned_v_m_s[:2].copy(), yaw_rate_rad_s, self._climb(pose, higher_m), asked)
+    def _wish(self, request: Array, pose: Pose, t_ns: int, yaw_rate_rad_s: float, higher_m: float) -> Wish:
+        self._note(pose, t_ns)
+        climb_m_s = self._climb(pose, higher_m)
+        if self._config.output == "velocity":
+            return Wish(request, yaw_rate_rad_s, climb_m_s)
+        return Wish(pose.ned_v_m_s[:2].copy(), yaw_rate_rad_s, climb_m_s, request)
 
     def _climb(self, pose: Pose, higher_m: float) -> float:
         """Upward velocity towards the height of the chase's beginning, or that much above it, m/s."""
@@ -259,23 +232,6 @@ class ChaseLaw:
         if self._kept:
             self._filters = self._kept[0][1].copy()
 
-    def _step_s(self, pose: Pose, t_ns: int) -> float:
-        dt_s = 0.0 if self._last is None else min(max(0.0, (t_ns - self._last[1]) / 1e9), _LONGEST_STEP_S)
+    def _note(self, pose: Pose, t_ns: int) -> None:
         self._odometry_m = self._place(pose, t_ns)
         self._last = (pose, t_ns)
-        return dt_s
-
-    def _limited(self, command: Array, dt_s: float) -> Array:
-        """The command within speed and acceleration, towards the target within what keeps it in view."""
-        step_s = max(dt_s, 0.01)
-        change = _capped(command, self._config.speed_m_s) - self._command
-        excess = float(change @ self._towards) - self._towards_m_s2 * step_s
-        change = _capped(change - max(0.0, excess) * self._towards, self._config.acceleration_m_s2 * step_s)
-        self._command = self._command + change
-        return self._command.copy()
-
-
-def _capped(vector: Array, length: float) -> Array:
-    """The vector, shortened to a length where it is longer."""
-    norm = float(np.linalg.norm(vector))
-    return vector if norm <= length else vector * (length / norm)

@@ -20,6 +20,7 @@ from common.tracking.registry import make_tracker, tracker_class
 from ground.pursuit.config import PursuitConfig
 from ground.pursuit.control import Wish
 from ground.pursuit.history import StateHistory
+from ground.pursuit.horizon import Horizon
 from ground.pursuit.pursuer import Pursued, Pursuer
 from ground.pursuit.view import Pose
 
@@ -51,7 +52,7 @@ class PursuitNode(Node):
         self._model = read_model(section.model, "pursuit.model") if section.model else None
         self._camera: Camera | None = None
         self._camera_info: CameraInfo | None = None
-        self._states = StateHistory(section.history_s)
+        self._states = StateHistory(section.history_s, Horizon(section.attitude_doubt_rad, section.attitude_doubt_s))
         self._pictures: deque[tuple[int, bytes]] = deque(maxlen=_KEPT_PICTURES)
         self._corrupt = self._late = 0
 

@@ -26,7 +26,9 @@ class Pose:
     ned_v_m_s: Array
     """Velocity, NED, m/s, shape (3,)."""
     ned_q_body: Array
-    """Attitude, (w, x, y, z)."""
+    """Attitude, (w, x, y, z), as well as it is known."""
+    ned_q_level: Array | None = None
+    """Attitude that the autopilot takes for its own and levels by; None: the same."""
 
 
 @dataclass(frozen=True)
@@ -61,17 +63,19 @@ def look(
     height_m = -float(pose.ned_p_m[2]) - target_height_m
     if height_m < LEAST_HEIGHT_M:
         return None
+    arm_m = quat_rotate(pose.ned_q_body, camera.body_p_camera_m)
     nose_px = (centre_px[0] + _NOSE_PX * math.sin(angle_rad), centre_px[1] - _NOSE_PX * math.cos(angle_rad))
     tangents = horizontal_tangents(camera.rays([centre_px, nose_px]), camera.body_q_camera, pose.ned_q_body)
     if not np.isfinite(tangents).all():
         return None
     nose = tangents[1] - tangents[0]
-    return View(tangents[0], tangents[0] * height_m, math.atan2(nose[1], nose[0]), _half_field_rad(camera))
+    relative_m = arm_m[:2] + tangents[0] * (height_m - arm_m[2])
+    return View(tangents[0], relative_m, math.atan2(nose[1], nose[0]), _half_field_rad(camera))
 
 
 def pixel_of(camera: Camera, pose: Pose, ned_m: Array) -> tuple[float, float] | None:
     """Pixel of a point in NED, m; None when the camera looks away from it. The inverse of `look`."""
-    body = quat_rotate(quat_conjugate(pose.ned_q_body), ned_m - pose.ned_p_m)
+    body = quat_rotate(quat_conjugate(pose.ned_q_body), ned_m - pose.ned_p_m) - camera.body_p_camera_m
     x, y = camera.project(quat_rotate(quat_conjugate(camera.body_q_camera), body))[0]
     return (float(x), float(y)) if np.isfinite(x) else None
 
