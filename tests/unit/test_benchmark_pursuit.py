@@ -152,11 +152,13 @@ def test_every_seed_draws_right_angles_stops_and_bridges(seed: int) -> None:
     assert 1.2 < speed.max() <= 2.0 + 1e-6
     assert np.hypot(*motion.ned_p_m[0]) < 1.0, "it begins at home, where the vehicle takes off"
     assert turns.max() < 1e-6 or (turns < 1e-6).sum() >= len(turns) - 1, "right angles, and straight on at home"
-    assert len(scenario.occluders) == 2 and len(scenario.distractors) == 2
+    assert len(scenario.occluders) == 4 and len(scenario.distractors) == 2
+    passed: list[int] = []
     for bridge in scenario.occluders:
         away = np.hypot(*(motion.ned_p_m - [bridge.north_m, bridge.east_m]).T)
-        passes = int(((away[1:] < 0.3) & (away[:-1] >= 0.3)).sum())
-        assert passes >= 4, "a bridge is passed at least every 2,000 pictures"
+        passed += np.flatnonzero((away[1:] < 0.3) & (away[:-1] >= 0.3)).tolist()
+    assert np.diff([0, *sorted(passed)]).max() < 1000, "the car is hidden at least every 1,000 pictures"
+    assert sum(index < 1100 for index in passed) >= 2, "and twice in a quick flight"
 
 
 def test_another_seed_is_another_scene() -> None:
