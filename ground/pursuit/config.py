@@ -46,8 +46,10 @@ class PursuitConfig(Section, frozen=True, kw_only=True):
     tilt_lag_s: Positive = 0.1
     """Time constant of each of the two lags between commanded and flown acceleration, s. Read off the simulated
     autopilot's step, which is held to PX4's; the same holds for the delay."""
-    tilt_delay_s: NonNegative = 0.115
-    """From capture until the request begins to act, s: 25 ms to the setpoint, 90 ms in the autopilot."""
+    tilt_delay_s: NonNegative = 0.09
+    """From the setpoint until it begins to act in the autopilot, s."""
+    request_delay_s: NonNegative = 0.025
+    """From a picture's capture to the setpoint that comes of it, s, until it has been measured."""
     autopilot_p_1_s: Positive = 1.8
     """Velocity: the autopilot's own loop, acceleration per velocity error, 1/s. This and the next two are those of the
     loop that fits PX4's steps at both drags; ArduPilot's defaults are near."""

@@ -98,6 +98,10 @@ class ChaseLaw:
         self._height_m: float | None = None
         self._last: tuple[Pose, int] | None = None
 
+    def delayed(self, request_s: float) -> None:
+        """Reckon with a time from a picture's capture to the setpoint that comes of it, s."""
+        self._steering.delayed(request_s)
+
     def retarget(self) -> None:
         """Forget how the target moves: it was found again, perhaps elsewhere. What is flown changes smoothly."""
         self._filters.target.reset()

@@ -55,6 +55,8 @@ class RelativeMotion:
 
     def __init__(self, config: PursuitConfig, answer: Answer):
         self._config, self._answer = config, answer
+        self.request_delay_s = config.request_delay_s
+        """From a picture's capture to the setpoint that comes of it, s."""
         self._over = lru_cache(maxsize=64)(self._steps)
         self.reset()
 
@@ -124,7 +126,11 @@ class RelativeMotion:
         """State (9, 2) when a request for the last picture begins to act."""
         if self.state is None:
             return None
-        return self._carried(self.state, self._t_ns, round(self._config.tilt_delay_s / STEP_S))
+        return self._carried(self.state, self._t_ns, round(self._delay_s / STEP_S))
+
+    @property
+    def _delay_s(self) -> float:
+        return self.request_delay_s + self._config.tilt_delay_s
 
     @property
     def last_request(self) -> Array:
@@ -145,7 +151,7 @@ class RelativeMotion:
 
     def sent(self, request: Array) -> None:
         """Note what was requested for the last picture, after every limit, (2,)."""
-        self._requests.append((self._t_ns + round(self._config.tilt_delay_s * 1e9), request.copy()))
+        self._requests.append((self._t_ns + round(self._delay_s * 1e9), request.copy()))
         while len(self._requests) > 1 and self._requests[1][0] <= self._t_ns:
             self._requests.popleft()
 

@@ -13,7 +13,7 @@ import numpy as np
 from common.config import Config
 from common.geometry.camera import Camera
 from common.geometry.rotation import euler_from_quat
-from common.messages import CameraInfo, Image, Reply, Request, Track, VehicleState
+from common.messages import CameraInfo, Image, Reply, Request, Setpoint, Track, VehicleState
 from common.node import CommandCall, Inputs, Node, On, Output
 from common.tracking.model_picture import read_model
 from common.tracking.registry import make_tracker, tracker_class
@@ -21,6 +21,7 @@ from ground.pursuit.config import PursuitConfig
 from ground.pursuit.control import Wish
 from ground.pursuit.history import StateHistory
 from ground.pursuit.horizon import Horizon
+from ground.pursuit.latency import RequestDelay
 from ground.pursuit.pursuer import Pursued, Pursuer
 from ground.pursuit.view import Pose
 
@@ -36,7 +37,7 @@ class PursuitNode(Node):
         ConfigError: unknown tracker, or a picture of the target that cannot serve.
     """
 
-    inputs = (_PICTURES, "camera/down/info", "helm/state")
+    inputs = (_PICTURES, "camera/down/info", "helm/state", "helm/setpoint")
     outputs = ("pursuit/track", "helm/request/pursuit")
     commands = ("pursuit/do/select", "pursuit/do/find", "pursuit/do/reinitialise", "pursuit/do/stop")
     trigger = On((_PICTURES,))
@@ -53,12 +54,15 @@ class PursuitNode(Node):
         self._camera: Camera | None = None
         self._camera_info: CameraInfo | None = None
         self._states = StateHistory(section.history_s, Horizon(section.attitude_doubt_rad, section.attitude_doubt_s))
+        self._delay = RequestDelay(section.request_delay_s)
         self._pictures: deque[tuple[int, bytes]] = deque(maxlen=_KEPT_PICTURES)
         self._corrupt = self._late = 0
 
     def step(self, inputs: Inputs, t_ns: int) -> Iterable[Output]:
         """One picture: track, look, ask."""
         self._states.extend(inputs.drain("helm/state", VehicleState))
+        self._delay.extend(inputs.drain("helm/setpoint", Setpoint))
+        self._pursuer.delayed(self._delay.seconds)
         info = inputs.peek("camera/down/info", CameraInfo)
         if info is not None and info.message != self._camera_info:
             self._camera, self._camera_info = Camera.from_info(info.message), info.message
@@ -95,11 +99,12 @@ class PursuitNode(Node):
         return ()
 
     def metrics(self) -> dict[str, float]:
-        """Pictures that could not be decoded, those that came after a newer one, and how often a search found it."""
+        """Pictures not decoded, or out of order; how often a search found the target; how long a request takes."""
         return {
             "corrupt_pictures": float(self._corrupt),
             "late_pictures": float(self._late),
             "reinitialisations": float(self._pursuer.reinitialisations),
+            "request_delay_ms": 1e3 * self._delay.seconds,
         }
 
     def _stop(self, call: CommandCall) -> Reply:

@@ -124,6 +124,10 @@ class Pursuer:
         if self._altitude is not None:
             self._altitude.reset()
 
+    def delayed(self, request_s: float) -> None:
+        """Reckon with a time from a picture's capture to the setpoint that comes of it, s."""
+        self._law.delayed(request_s)
+
     def step(self, frame: np.ndarray, capture_ns: int, camera: Camera | None, pose: Pose | None) -> Pursued | None:
         """Track, look, steer.
 

@@ -43,6 +43,10 @@ class Steering:
         self._request: Array | None = None
         self._last_ns = 0
 
+    def delayed(self, request_s: float) -> None:
+        """Reckon with a time from a picture's capture to the setpoint that comes of it, s."""
+        self._motion.request_delay_s = request_s
+
     def retarget(self) -> None:
         """Forget the target alone."""
         self._motion.retarget()

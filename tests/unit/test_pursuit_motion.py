@@ -41,7 +41,7 @@ def test_what_is_ahead_is_where_a_target_that_turns_will_be() -> None:
         place = 2.0 * np.array([math.sin(turn_rad_s * t_s), 1.0 - math.cos(turn_rad_s * t_s)])
         motion.update(place, STILL, index * PERIOD_NS, turn_rad_s, 0.01)
         motion.sent(np.zeros(2))
-    ahead, later_s = motion.ahead(), 119 * PERIOD_S + CONFIG.tilt_delay_s
+    ahead, later_s = motion.ahead(), 119 * PERIOD_S + CONFIG.tilt_delay_s + CONFIG.request_delay_s
     assert ahead is not None
     angle = turn_rad_s * later_s
     assert ahead[ERROR] == pytest.approx([2.0 * math.sin(angle), 2.0 * (1.0 - math.cos(angle))], abs=0.02)
