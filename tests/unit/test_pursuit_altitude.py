@@ -14,7 +14,7 @@ from benchmarks.painted_scene import Pose as Drawn
 from benchmarks.painted_scene import Scene
 from common.config import ConfigError, build
 from common.geometry.config import CameraConfig
-from common.geometry.rotation import quat_from_euler
+from common.geometry.rotation import quat_from_euler, quat_rotate
 from common.tracking.base import TrackResult
 from common.tracking.config import ParticleFilterConfig
 from common.tracking.particle_filter import ParticleFilterTracker
@@ -48,7 +48,8 @@ def test_neither_tilt_nor_place_passes_for_a_height(
     view = look(CAMERA, pose, middle, 0.0, 0.0)
     assert view is not None
     result = replace(_result(*middle), size_px=(math.sqrt(area_px), math.sqrt(area_px)))
-    assert height_over_size(CAMERA, view.tangents, result) == pytest.approx(height_m / side_m, rel=0.01)
+    camera_m = height_m - quat_rotate(pose.ned_q_body, CAMERA.body_p_camera_m)[2]
+    assert height_over_size(CAMERA, view.tangents, result) == pytest.approx(camera_m / side_m, rel=0.01)
 
 
 def _flown(config: PursuitConfig, height_m: float, disturbed_by: float, seed: int = 1) -> tuple[float, list[float]]:
