@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
 
 from onboard.helm.dialect.base import Kind
 from onboard.helm.setpoint import LocalSetpoint
@@ -49,6 +49,10 @@ class Link(Protocol):
 
     def send(self, setpoint: LocalSetpoint) -> bool:
         """Send one setpoint now; False when it could not be sent."""
+        ...
+
+    def tell(self, name: str, fields: Mapping[str, Any]) -> bool:
+        """Send one message that needs no answer now; False when it could not be sent."""
         ...
 
     def submit(self, action: Action) -> None:

@@ -16,7 +16,7 @@ import queue
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -128,7 +128,14 @@ class AutopilotLink:
             "target_system": self._system_id,
             "target_component": _COMPONENT,
         }
-        message = MavlinkMessage("SET_POSITION_TARGET_LOCAL_NED", 0, 0, self._system_id, _COMPONENT, json.dumps(fields))
+        return self.tell("SET_POSITION_TARGET_LOCAL_NED", fields)
+
+    def tell(self, name: str, fields: Mapping[str, Any]) -> bool:
+        """Send one message that needs no answer now; False when there is no autopilot or MAVSDK refused."""
+        direct = self._direct
+        if direct is None or self._listen_only:
+            return False
+        message = MavlinkMessage(name, 0, 0, self._system_id, _COMPONENT, json.dumps(fields))
         try:
             direct.send_message(message)
         except (MavsdkError, RuntimeError):

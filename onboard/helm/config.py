@@ -89,6 +89,9 @@ class HelmConfig(Section, frozen=True, kw_only=True):
     """The camera counts as live when its newest picture, as its calibration message says, is at most this old, s."""
     camera_required: bool = True
     """Whether a missing camera or calibration forbids arming."""
+    obstacle_distance: bool = False
+    """Whether the obstacle map goes to the autopilot as OBSTACLE_DISTANCE, ten times a second: for its own collision
+    prevention (PX4: CP_DIST), and for QGroundControl."""
     dialect: str = AUTO
     """What the autopilot speaks: `auto` asks its heartbeat, a name (`px4`, `ardupilot`) is taken at its word."""
     parameters: dict[str, float | int] = msgspec.field(default_factory=lambda: dict(PX4.parameters))

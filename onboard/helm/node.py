@@ -6,10 +6,12 @@ import math
 from collections.abc import Iterable
 
 from common.config import Config
+from common.geometry.rotation import euler_from_quat
 from common.helm_lock import HelmLock, require_free_port
 from common.messages import (
     CameraInfo,
     HelmStatus,
+    LimiterStatus,
     Message,
     Obstacles,
     Request,
@@ -24,6 +26,7 @@ from onboard.helm.autopilot_link import AutopilotLink
 from onboard.helm.commands import COMMANDS, obey
 from onboard.helm.config import HelmConfig
 from onboard.helm.flight import Flight
+from onboard.helm.obstacle_distance import obstacle_distance
 from onboard.helm.preflight import CameraView, gate
 from onboard.helm.seen import Seen, TrackView
 from onboard.helm.telemetry import AttitudeSample, Telemetry
@@ -38,6 +41,7 @@ _REQUESTS = ("helm/request/operator", "helm/request/pursuit")
 _OBSTACLES = ("obstacles/depth", "obstacles/people", "obstacles/circles")
 _STATUS_PERIOD_S = 0.2
 _LIMITER_PERIOD_S = 0.1
+_NEAREST_TOLD_M = 0.2
 _EXTRAPOLATE_S = 0.2
 
 
@@ -77,6 +81,7 @@ class HelmNode(Node):
         self._limited: Limited | None = None
         self._status_ns = 0
         self._limiter_ns = 0
+        self._heading_rad: float | None = None
         self._shown: tuple[str, str] = ("", "")
 
     def _open(self) -> AutopilotLink:
@@ -202,7 +207,21 @@ class HelmNode(Node):
         if (t_ns - self._limiter_ns) / 1e9 < _LIMITER_PERIOD_S:
             return ()
         self._limiter_ns = t_ns
-        return (Output("helm/limiter", limiter_status(self._limited_now(seen), seen.around, self.limiter)),)
+        status = limiter_status(self._limited_now(seen), seen.around, self.limiter)
+        if self.helm.obstacle_distance:
+            self._tell_autopilot(status, t_ns)
+        return (Output("helm/limiter", status),)
+
+    def _tell_autopilot(self, status: LimiterStatus, t_ns: int) -> None:
+        """Pass the distances on, for the autopilot's own collision prevention."""
+        sample = self._telemetry.attitudes[-1] if self._telemetry.attitudes else None
+        if sample is not None:
+            self._heading_rad = euler_from_quat(sample.ned_q_body)[2]
+        if self._heading_rad is not None:
+            fields = obstacle_distance(
+                status.sectors_m, self._heading_rad, _NEAREST_TOLD_M, self.limiter.h_max_m, t_ns // 1000
+            )
+            self._link.tell("OBSTACLE_DISTANCE", fields)
 
 
 def _candidate(inputs: Inputs, source: str) -> Candidate | None:

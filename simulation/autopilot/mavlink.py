@@ -62,6 +62,7 @@ class Protocol:
             "MISSION_CLEAR_ALL": self._on_mission_clear,
             "TIMESYNC": self._on_timesync,
             "MANUAL_CONTROL": self._on_manual_control,
+            "OBSTACLE_DISTANCE": self._on_obstacle_distance,
         }
 
     def handle(self, link: UdpLink, message: Message) -> None:
@@ -146,6 +147,17 @@ class Protocol:
         x, y, r = (0.0 if axis == _AXIS_ABSENT else min(max(axis / 1000.0, -1.0), 1.0) for axis in (m.x, m.y, m.r))
         throttle = 0.0 if m.z == _AXIS_ABSENT else min(max(m.z / 500.0 - 1.0, -1.0), 1.0)
         self._vehicle.pilot.take(Sticks(y, x, r, throttle), self._vehicle.t_s)
+
+    def _on_obstacle_distance(self, link: UdpLink, m: Any) -> None:
+        """Distances around the vehicle: passed on to the other links, as PX4 streams them to a ground station. Its
+        collision prevention, which would brake by them in its manual position mode, is not simulated."""
+        if not (m.increment_f > 0.0 or m.increment > 0) or m.min_distance >= m.max_distance:
+            self.counters["obstacle_distances_bad"] += 1
+            return
+        self.counters["obstacle_distances"] += 1
+        for other in self._shared:
+            if other is not link:
+                other.forward(bytes(m.get_msgbuf()))
 
     def _on_timesync(self, link: UdpLink, m: Any) -> None:
         if m.tc1 == 0:

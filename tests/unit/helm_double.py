@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from common.config import Config
 from common.messages import CameraInfo, Command, HelmStatus, Message, Obstacle, Obstacles, Request, Setpoint, Track
@@ -63,6 +65,7 @@ class VehicleDouble:
     sent: list[LocalSetpoint] = field(default_factory=list)
     sent_ns: list[int] = field(default_factory=list)
     actions: list[Action] = field(default_factory=list)
+    told: list[tuple[str, dict[str, Any]]] = field(default_factory=list)
     _climb_to_m: float | None = None
     _results: list[ActionResult] = field(default_factory=list)
     _heard: Telemetry = field(default_factory=Telemetry)
@@ -154,6 +157,10 @@ class VehicleDouble:
         self._climb_to_m = None  # a setpoint ends a takeoff
         self.sent.append(setpoint)
         self.sent_ns.append(self.t_ns)
+        return True
+
+    def tell(self, name: str, fields: Mapping[str, Any]) -> bool:
+        self.told.append((name, dict(fields)))
         return True
 
     def submit(self, action: Action) -> None:

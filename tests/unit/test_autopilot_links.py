@@ -209,6 +209,21 @@ def test_heartbeats_are_forwarded_and_statustext_goes_to_ground_stations_only(ri
     assert rig.companion.got("STATUSTEXT") == []
 
 
+def test_obstacle_distances_reach_the_ground_station_and_bad_ones_do_not(rig: Rig) -> None:
+    rig.run(0.5)
+    for least_cm, most_cm in ((20, 600), (600, 20)):
+        rig.companion.send(
+            mavlink.MAVLink_obstacle_distance_message(7, 4, [321] * 72, 5, least_cm, most_cm, 5.0, 1.5, 12)
+        )
+    rig.run(0.1)
+    (message,) = rig.station.got("OBSTACLE_DISTANCE")
+    assert list(message.distances) == [321] * 72
+    assert (message.min_distance, message.max_distance, message.angle_offset) == (20, 600, 1.5)
+    assert not rig.companion.got("OBSTACLE_DISTANCE")
+    counters = rig.autopilot.protocol.counters
+    assert (counters["obstacle_distances"], counters["obstacle_distances_bad"]) == (1, 1)
+
+
 def test_a_long_notice_comes_in_numbered_pieces(rig: Rig) -> None:
     rig.run(4.6)
     rig.station.heartbeat()

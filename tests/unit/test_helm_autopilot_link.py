@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import signal
@@ -16,7 +17,8 @@ import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
 from common.config import Config, ConfigError
-from common.messages import Command, HelmStatus, Request
+from common.geometry.rotation import euler_from_quat
+from common.messages import Command, HelmStatus, Obstacle, Obstacles, Request
 from common.node import ScriptedRun
 from onboard.helm.autopilot_link import AutopilotLink
 from onboard.helm.node import HelmNode
@@ -42,9 +44,9 @@ class Flight(HelmRig):
     """A helm node on a simulated autopilot in a process of its own."""
 
     def __init__(self, ports: list[int]):
-        self.ground_port = ports[2]
+        self.ground_port, self.station_port = ports[2], ports[3]
         self.autopilot = subprocess.Popen([sys.executable, "-c", _AUTOPILOT, *map(str, ports)], cwd=_ROOT)
-        super().__init__(ports[1], takeoff_height_m=3.0)
+        super().__init__(ports[1], takeoff_height_m=3.0, obstacle_distance=True)
 
     def command_hold_from_the_ground(self) -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ground:
@@ -83,6 +85,7 @@ def test_takeoff_chase_yield_loss_and_landing(flight: Flight):
     _chase_and_stop(flight)
     _yield_to_the_ground(flight)
     _lose_and_find_the_autopilot(flight)
+    _distances_reach_a_ground_station(flight)  # last: from then on the limiter wants to see
     landing = flight.call("land")
     assert flight.go(25.0, lambda: flight.state == "standby"), flight.status
     assert landing.answer and landing.answer.outcome == "done"
@@ -97,6 +100,31 @@ def _check_state_stream(flight: Flight) -> None:
     ages_ms = [(seen - capture) / 1e6 for seen, capture, _ in fresh]
     assert min(ages_ms) >= 0.0
     assert sorted(ages_ms)[len(ages_ms) // 2] < 40.0
+
+
+def _distances_reach_a_ground_station(flight: Flight) -> None:
+    """From an obstacle on the bus through helm's link and the autopilot to a ground station's socket."""
+    seen = Obstacles(obstacles=(Obstacle(distance_m=2.5, ned_direction=(0.0, 1.0, 0.0)),))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
+        station.bind(("127.0.0.1", flight.station_port))
+        station.setblocking(False)
+        heartbeat = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+        station.sendto(heartbeat.heartbeat_encode(6, 8, 0, 0, 4).pack(heartbeat), ("127.0.0.1", flight.ground_port))
+        for _ in range(10):
+            flight.run.feed("obstacles/depth", seen, time.monotonic_ns())
+            flight.go(0.1)
+        parser = mavlink.MAVLink(None)
+        parser.robust_parsing = True
+        messages = []
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                messages += parser.parse_buffer(station.recv(2048)) or []
+    told = [m for m in messages if m.get_type() == "OBSTACLE_DISTANCE"]
+    assert len(told) >= 5
+    _, _, state = flight.states[-1]
+    yaw_deg = math.degrees(euler_from_quat(state.ned_q_body)[2])
+    (near,) = (i for i, d in enumerate(told[-1].distances) if d == 250)
+    assert abs(math.remainder(near * 5.0 + told[-1].angle_offset + yaw_deg - 90.0, 360.0)) <= 5.0, "due east"
 
 
 def _chase_and_stop(flight: Flight) -> None:
