@@ -12,6 +12,9 @@ from benchmarks import (
     fusion_depth,
     fusion_signal,
     latency,
+    limiter,
+    limiter_encounters,
+    limiter_speed,
     people_association,
     people_pose,
     people_speed,
@@ -34,6 +37,9 @@ BENCHMARKS: dict[str, Benchmark] = {
         fusion_signal.BENCHMARK,
         fusion_depth.BENCHMARK,
         autopilot.BENCHMARK,
+        limiter.BENCHMARK,
+        limiter_encounters.BENCHMARK,
+        limiter_speed.BENCHMARK,
     )
 }
 _RESULTS = Path("benchmarks/results")

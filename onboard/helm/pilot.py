@@ -51,7 +51,7 @@ class Pilot:
         self._config = config
         self._limiter = limiter
         self._horizon_s = max(limiter.stop_delay_s, _HORIZON_MIN_S)
-        self._height_m = math.nan
+        self._height_m = self._sent_height_m = math.nan
         self._yaw_rad = math.nan
         self._anchor_m: tuple[float, float] | None = None
         self._hover_since_ns: int | None = None
@@ -97,16 +97,16 @@ class Pilot:
         yaw_rate = self._turn(verdict.yaw_rate_rad_s, attitude.yaw_rad, dt_s)
         home_z = telemetry.home_local_m[2] if telemetry.home_local_m else 0.0
         north, east, down = limited.ned_v_m_s
-        local = LocalSetpoint(north, east, home_z - self._height_m, down, yaw_rate)
+        local = LocalSetpoint(north, east, home_z - self._sent_height_m, down, yaw_rate)
         acceleration = None
         if verdict.ned_a_m_s2 is not None:
             acceleration = self._acceleration_to(limited.ned_v_m_s, position.ned_v_m_s)
-            local = AccelerationSetpoint(north, east, home_z - self._height_m, down, yaw_rate, *acceleration)
+            local = AccelerationSetpoint(north, east, home_z - self._sent_height_m, down, yaw_rate, *acceleration)
         message = Setpoint(
             source=verdict.source,
             asked_ned_v_m_s=verdict.ned_v_m_s if verdict.ned_a_m_s2 is None else wanted,
             ned_v_m_s=limited.ned_v_m_s,
-            height_m=self._height_m,
+            height_m=self._sent_height_m,
             yaw_rad=self._yaw_rad,
             ned_a_m_s2=acceleration,
         )
@@ -162,7 +162,7 @@ class Pilot:
 
         The vertical request moves the held height, which leads the vehicle by 1 m at most; the vehicle climbs
         towards it at gain · lead, by the autopilot's own loop or by the velocity that helm sends. That climb is what
-        the limiter sees; what it takes away is taken from the lead.
+        the limiter sees; what it changes is changed in the height that is sent, not in the one that is held.
         """
         bounds, gain_1_s, height_m = self._config.containment, telemetry.dialect.height_gain_1_s, telemetry.height_m
         low, high = min(bounds.height_min_m, self._height_m), max(bounds.height_max_m, self._height_m)
@@ -182,7 +182,8 @@ class Pilot:
         self._braking = limited.braking_ned_v_m_s
         north, east, limited_down = limited.ned_v_m_s
         cut = limited_down != down_m_s
-        self._height_m = height_m + (-limited_down / gain_1_s if cut else lead_m)
+        self._height_m = height_m + lead_m
+        self._sent_height_m = height_m + (-limited_down / gain_1_s if cut else lead_m)
         self._last_v = (north, east, limited_down if cut else ned_v_m_s[2])
         return limited
 

@@ -87,14 +87,16 @@ class LimiterConfig(Section, frozen=True, kw_only=True):
     stale_s: Positive = 0.5
     """A source that is silent for longer, or sees nothing, is blind, s."""
     memory_s: Positive = 3.0
-    """How long a place that was looked at counts as known, and a point that went out of view is remembered, s."""
+    """How long a place that was looked at counts as known, s."""
+    remember_s: Positive = 20.0
+    """How long a standing obstacle that went out of view is remembered, s."""
     unseen_speed_m_s: NonNegative = 0.7
     """Fastest speed towards directions that no source looks at, m/s."""
     unseen_stop_s: Positive = 1.0
     """A blind source leaves `unseen_speed_m_s` for so long, s; within another second it falls to zero."""
-    keep_s: Positive = 3.0
-    """How long the obstacles of a silent source are kept, moving on, s."""
-    spread_m_s: NonNegative = 0.3
+    keep_s: Positive = 6.0
+    """How long a walking obstacle that went out of view, or whose source is silent, is kept, moving on, s."""
+    spread_m_s: NonNegative = 0.1
     """How fast the place of a kept obstacle becomes uncertain, m/s."""
 
     def check(self) -> None:

@@ -13,6 +13,7 @@ from onboard.limiter.config import LimiterConfig
 from onboard.limiter.law import repulsion, stoppable
 
 Array = np.ndarray
+_HELD_FROM_M_S = 0.1  # the summed excess acts in full from this excess on: no jump where it ends
 _YIELD_M_S = 0.5  # an obstacle that comes nearer at this speed is given way to at the full push-back
 
 
@@ -38,6 +39,8 @@ class Bounds(NamedTuple):
     """Largest speed along each, m/s, (..., K); below zero: brake or back away."""
     excess_m_s: Array
     """How much faster than its bound the vehicle is along each, m/s, (..., K)."""
+    firm: Array
+    """Whether it is the hard bound, and holds for braking and retreat as well, (..., K)."""
 
 
 def towards(normals: Array, v_m_s: Array) -> Array:
@@ -69,7 +72,8 @@ def curve(distance_m: Array, normals: Array, ned_v_m_s: Array, motion: Motion, c
     retreat = np.minimum((config.h_desired_m - distance_m) * config.push_back_gain_1_s, config.push_back_m_s)
     reference = np.maximum(reference, -np.maximum(retreat, 0.0))
     beyond = np.clip((distance_m - config.h_max_m) / config.band_m, 0.0, 1.0)
-    return np.maximum(reference, beyond * stoppable(distance_m - config.h_min_m, config))
+    opened = np.maximum(reference, beyond * stoppable(distance_m - config.h_min_m, config))
+    return np.where(beyond > 0.0, opened, reference)
 
 
 def nearest_ahead(distance_m: Array, normals: Array, ned_v_m_s: Array, config: LimiterConfig) -> tuple[Array, Array]:
@@ -116,8 +120,9 @@ def braking_bound(room_m: Array, normals: Array, motion: Motion, config: Limiter
     bound = stoppable(room_m, config)
     excess = np.maximum(towards(normals, motion.flown) - bound, 0.0)
     held = np.maximum(towards(normals, motion.braking), 0.0)
-    less = np.where(excess > 0.0, config.brake_lead * excess + held, 0.0)
-    return Bounds(normals, np.maximum(bound - less, np.minimum(bound, -config.brake_m_s)), excess)
+    less = config.brake_lead * excess + held * np.minimum(excess / _HELD_FROM_M_S, 1.0)
+    firm = np.ones(bound.shape, dtype=bool)
+    return Bounds(normals, np.maximum(bound - less, np.minimum(bound, -config.brake_m_s)), excess, firm)
 
 
 def obstacle_bound(
@@ -152,7 +157,15 @@ def obstacle_rows(distance_m: Array, normals: Array, ned_v_m_s: Array, motion: M
         np.concatenate([normals, hard.normals], axis=-2),
         np.concatenate([comfortable, hard.bounds_m_s], axis=-1),
         np.concatenate([np.zeros_like(comfortable), hard.excess_m_s], axis=-1),
+        np.concatenate([~hard.firm, hard.firm], axis=-1),
     )
+
+
+def deepest_braking(rows: Bounds) -> Array:
+    """How far below standstill the setpoint may go to brake, whatever the sight in that direction, m/s, (...)."""
+    if not rows.bounds_m_s.shape[-1]:
+        return np.zeros(rows.bounds_m_s.shape[:-1])
+    return np.where(rows.excess_m_s > 0.0, np.maximum(-rows.bounds_m_s, 0.0), 0.0).max(axis=-1)
 
 
 def braking_after(bounds: Bounds, motion: Motion, config: LimiterConfig, dt_s: float) -> Array:

@@ -12,6 +12,8 @@ linear in h whatever v_i.
 Where we differ from the print, and why:
 - The curve does not vanish at h_max and would step there: it is blended in over a band below h_max.
 - Below h_min v_rep stays at v_max instead of growing without bound.
+- Near h_min the curve (and everywhere the field, which does not know v_i) would act in full on the slightest approach:
+  both grow over the first 0.1 m/s of v_i.
 - v_i so small that a is negative (v_i < v_max h_min²/h_desired²) makes v_rep negative far off: the printed law would
   speed up. Clamped at zero.
 - v_i so large that the curve has its peak beyond h_min (h_min < -2b/a, that is v_max h_min (2 - h_min/h_desired) <
@@ -31,6 +33,8 @@ from onboard.limiter.config import LimiterConfig
 
 Zone = Literal["safe", "warning", "transition", "collision", "blind"]
 Array = np.ndarray
+_FALL_S = 1.0
+_FULL_FROM_M_S = 0.1
 
 
 def coefficients(v_i_m_s: Array | float, config: LimiterConfig) -> tuple[Array, Array]:
@@ -81,13 +85,13 @@ def repulsion(h_m: Array | float, v_i_m_s: Array | float, config: LimiterConfig)
     if config.strategy == "dpf":
         field = config.dpf
         v_rep = np.interp(h, (field.h_min_m, field.h_mid_m, field.h_max_m), (field.v_max_m_s, field.v_mid_m_s, 0.0))
-        return np.where(v_i > 0.0, v_rep, 0.0)
+        return v_rep * np.minimum(v_i / _FULL_FROM_M_S, 1.0)
     near = np.maximum(h, config.h_min_m)
     if config.strategy == "tti":
         v_rep = v_i * (config.h_desired_m / near)
     else:
         a, b = coefficients(v_i, config)
-        v_rep = np.where(v_i > 0.0, np.maximum((a + b / near) / near, 0.0), 0.0)  # eq. 20
+        v_rep = np.maximum((a + b / near) / near, 0.0) * np.minimum(v_i / _FULL_FROM_M_S, 1.0)  # eq. 20
     share = np.clip((config.h_max_m - h) / config.band_m, 0.0, 1.0)
     return v_rep * (share * share * (3.0 - 2.0 * share))
 
@@ -113,6 +117,22 @@ def stoppable(room_m: Array | float, config: LimiterConfig, closing_m_s: Array |
 def stopping_distance_m(v_m_s: float, config: LimiterConfig) -> float:
     """Distance covered from a stop command at a speed to rest, m."""
     return v_m_s * config.stop_delay_s + v_m_s * v_m_s / (2.0 * config.stop_deceleration_m_s2)
+
+
+def sight_speed(free_m_s: Array | float, age_s: Array | float, silent_s: Array | float, config: LimiterConfig) -> Array:
+    """Fastest speed towards a place by how long ago it was looked at, m/s.
+
+    Args:
+        free_m_s: what may be flown where it is looked at now, m/s.
+        age_s: since it was looked at, s.
+        silent_s: since any source has seen anything, s; a long silence is a standstill.
+        config: ageing.
+    """
+    span_s = max(config.memory_s - config.stale_s, 1e-3)
+    known = np.clip((config.memory_s - np.asarray(age_s, dtype=float)) / span_s, 0.0, 1.0)
+    speed = config.unseen_speed_m_s + known * np.maximum(free_m_s - config.unseen_speed_m_s, 0.0)
+    blind_s = np.asarray(silent_s, dtype=float) - config.stale_s - config.unseen_stop_s
+    return speed * (1.0 - np.clip(blind_s / _FALL_S, 0.0, 1.0))
 
 
 def zone(h_m: float, config: LimiterConfig) -> Zone:

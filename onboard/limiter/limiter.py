@@ -15,6 +15,7 @@ from onboard.limiter.constraints import (
     Motion,
     braking_after,
     braking_bound,
+    deepest_braking,
     obstacle_rows,
 )
 from onboard.limiter.law import Zone, zone
@@ -69,10 +70,10 @@ def limit(
     """The velocity nearest to the asked one that keeps to the law for every obstacle and edge.
 
     Each obstacle sets a half-space v·n <= bound: the lesser of the comfortable curve and the braking bound; each edge
-    of the flight volume one more. What must be retreated from is retreated from first (`project.retreat`), then the
-    velocity is projected onto all half-spaces, those of retreat as standstill (`project.project`); then its speed is
-    cut to what the sight in its direction allows. So the result is never longer than what was asked but for braking
-    and push-back, both capped; what approaches nothing, in sight, passes unchanged.
+    of the flight volume one more. The velocity is projected onto all of them, negative ones as standstill
+    (`project.project`); where one is negative it then brakes or backs away (`project.retreat`), under the hard bounds;
+    then its speed is cut to what the sight in its direction allows. So the result is never longer than what was asked,
+    but for braking and push-back, both capped; what approaches nothing, in sight, passes unchanged.
 
     Args:
         ned_v_m_s: asked velocity, NED, m/s.
@@ -100,8 +101,10 @@ def limit(
     intended = ned_v_m_s if ned_intended_v_m_s is None else ned_intended_v_m_s
     motion = Motion(*(np.array(v) for v in (ned_v_m_s, intended, ned_vehicle_v_m_s, braking_ned_v_m_s)))
     rows, kinds = _rows(around, motion, ned_p_m, config)
-    v = bounded(motion.asked, rows.normals, rows.bounds_m_s)
-    speed, fastest = math.sqrt(float(v @ v)), around.fastest_m_s(_vector(v))
+    v = bounded(motion.asked, rows)
+    # A setpoint against the motion brakes and leads nowhere: sight does not bound it.
+    fastest = max(around.fastest_m_s(_vector(v)), float(deepest_braking(rows)))
+    speed = math.sqrt(float(v @ v))
     if blind := speed > fastest:
         v = v * (fastest / speed)
     why, culprit = _reason(motion.asked, v, rows, kinds, blind)
@@ -119,20 +122,35 @@ def limit(
     )
 
 
-def bounded(asked_m_s: Array, normals: Array, bounds_m_s: Array) -> Array:
-    """Retreat, then projection: the nearest velocity under every bound, (3,), m/s.
+def bounded(asked_m_s: Array, rows: Bounds) -> Array:
+    """The nearest velocity under every bound, then braking and retreat where a bound is below zero, (3,), m/s.
+
+    What brakes or backs away keeps to the hard bounds, not to the curves of obstacles that are not in its way: behind
+    the vehicle a curve would leave no room to give way to.
 
     Args:
         asked_m_s: velocity, (3,).
-        normals: unit vectors, (R, 3).
-        bounds_m_s: (R,); below zero: retreat, and in any case no approach.
+        rows: R half-spaces.
     """
-    return project(retreat(asked_m_s, normals, bounds_m_s), normals, np.maximum(bounds_m_s, 0.0))
+    bounds = rows.bounds_m_s
+    v = project(asked_m_s, rows.normals, np.maximum(bounds, 0.0))
+    if not (bounds < 0.0).any():
+        return v
+    return project(retreat(v, rows.normals, bounds), rows.normals, _firm(rows))
 
 
-def bounded_many(asked_m_s: Array, normals: Array, bounds_m_s: Array) -> Array:
-    """`bounded` for many vehicles: (N, 3), (N, R, 3), (N, R) to (N, 3), m/s."""
-    return project_many(retreat_many(asked_m_s, normals, bounds_m_s), normals, np.maximum(bounds_m_s, 0.0))
+def bounded_many(asked_m_s: Array, rows: Bounds) -> Array:
+    """`bounded` for many vehicles, (N, 3), each with R half-spaces of its own: (N, 3), m/s."""
+    v = project_many(asked_m_s, rows.normals, np.maximum(rows.bounds_m_s, 0.0))
+    back = np.nonzero((rows.bounds_m_s < 0.0).any(axis=1))[0]
+    some = Bounds(*(part[back] for part in rows))
+    v[back] = project_many(retreat_many(v[back], some.normals, some.bounds_m_s), some.normals, _firm(some))
+    return v
+
+
+def _firm(rows: Bounds) -> Array:
+    """Bounds while braking and backing away, m/s: no approach where that is called for, else the hard bounds alone."""
+    return np.where(rows.bounds_m_s < 0.0, 0.0, np.where(rows.firm, rows.bounds_m_s, np.inf))
 
 
 def _rows(

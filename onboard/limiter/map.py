@@ -14,13 +14,13 @@ import numpy as np
 from common.geometry.rotation import quat_to_matrix
 from common.messages import Obstacles, Vec3, View
 from onboard.limiter.config import LimiterConfig
-from onboard.limiter.law import stoppable
+from onboard.limiter.law import sight_speed, stoppable
 from onboard.limiter.surroundings import COLUMNS, ROWS, Surroundings, cell_directions
 
 Array = np.ndarray
 _TRACK_S = 2.0
 _MOST_KEPT = 256
-_FALL_S = 1.0
+_STANDING_M_S = 0.2
 _NEVER = -(10**18)
 
 
@@ -129,10 +129,12 @@ class ObstacleMap:
         config = self._config
         age_s = (t_ns - source.stamps_ns) / 1e9
         silent_s = max(_age_s(t_ns, source.capture_ns) - config.stale_s, 0.0)
-        kept = np.nonzero(age_s <= (max(config.keep_s, config.memory_s) if source.looks else config.keep_s))[0]
+        kept = np.nonzero(age_s <= keep_s(source.ned_v_m_s, config, source.looks))[0]
         v = source.ned_v_m_s[kept]
         places = source.ned_p_m[kept] + v * np.maximum(age_s[kept], 0.0)[:, None]
-        return places, v, np.full(len(kept), silent_s * config.spread_m_s), [source.labels[k] for k in kept]
+        walks = (v * v).sum(axis=1) >= _STANDING_M_S**2
+        unsure_s = np.where(walks, np.maximum(age_s[kept] - config.stale_s, 0.0), silent_s)
+        return places, v, unsure_s * config.spread_m_s, [source.labels[k] for k in kept]
 
     def _sight(self, ned_p_m: Vec3, t_ns: int, spoken: list[_Source]) -> tuple[Array | None, Array | None]:
         """Fastest speed and known range in each direction; None where no source says anything of them.
@@ -152,17 +154,15 @@ class ObstacleMap:
         else:
             return None, None
         free = stoppable(left_m - config.h_min_m - config.margin_m, config)
-        known = np.clip((config.memory_s - age_s) / max(config.memory_s - config.stale_s, 1e-3), 0.0, 1.0)
-        speed = config.unseen_speed_m_s + known * np.maximum(free - config.unseen_speed_m_s, 0.0)
-        standstill = np.clip((silent_s - config.stale_s - config.unseen_stop_s) / _FALL_S, 0.0, 1.0)
-        return speed * (1.0 - standstill), np.where(known > 0.0, left_m, 0.0) if looking else None
+        speed = sight_speed(free, age_s, silent_s, config)
+        return speed, np.where(age_s < config.memory_s, left_m, 0.0) if looking else None
 
     def _still_unseen(self, known: _Source, views: tuple[View, ...], place_m: Array, capture_ns: int) -> list[int]:
         """Indices of a source's older points that its new message does not speak of: out of its views."""
         if not views or not len(known.ned_p_m):
             return []
         offset = known.ned_p_m - place_m
-        hidden = (capture_ns - known.stamps_ns) / 1e9 <= self._config.memory_s
+        hidden = (capture_ns - known.stamps_ns) / 1e9 <= keep_s(known.ned_v_m_s, self._config, True)
         distance = np.sqrt((offset * offset).sum(axis=1))
         for view in views:
             hidden &= ~(covered(view, offset) & (distance <= view.range_m))
@@ -193,6 +193,18 @@ def covered(view: View, ned_offsets: Array) -> Array:
     within = (np.abs(azimuth) <= view.half_width_rad) & (np.abs(elevation) <= view.half_height_rad)
     seen = np.array(view.seen, dtype=bool).reshape(view.rows, view.columns)
     return within & seen[np.clip(row, 0, view.rows - 1), np.clip(column, 0, view.columns - 1)]
+
+
+def keep_s(ned_v_m_s: Array, config: LimiterConfig, looks: bool) -> Array:
+    """How long obstacles are kept without a new measurement, s, (...): standing ones of a source that looks longer.
+
+    Args:
+        ned_v_m_s: their velocities, (..., 3), m/s.
+        config: both times.
+        looks: whether their source would say so if they were gone.
+    """
+    standing = (ned_v_m_s * ned_v_m_s).sum(axis=-1) < _STANDING_M_S**2
+    return np.where(standing & looks, config.remember_s, config.keep_s)
 
 
 def _age_s(t_ns: int, stamp_ns: int) -> float:

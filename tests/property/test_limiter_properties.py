@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from common.geometry.rotation import quat_rotate
 from common.messages import Obstacle
 from onboard.limiter.config import LimiterConfig
-from onboard.limiter.constraints import nearest_ahead
+from onboard.limiter.constraints import Bounds, nearest_ahead
 from onboard.limiter.law import stoppable
 from onboard.limiter.limiter import bounded, bounded_many, limit
 from onboard.limiter.project import project
@@ -164,8 +164,9 @@ def test_the_projection_is_the_nearest_point(asked, rows):
 @settings(max_examples=60, deadline=None)
 def test_many_at_once_are_the_same_as_one_by_one(cases):
     asked = np.array([v for v, _ in cases])
-    normals = np.array([[n for n, _ in rows] for _, rows in cases])
     bounds = np.array([[b for _, b in rows] for _, rows in cases])
-    together = bounded_many(asked, normals, bounds)
+    normals = np.array([[n for n, _ in rows] for _, rows in cases])
+    rows = Bounds(normals, bounds, np.zeros_like(bounds), np.tile([False, False, True, True], (len(cases), 1)))
+    together = bounded_many(asked, rows)
     for k in range(len(cases)):
-        assert np.allclose(together[k], bounded(asked[k], normals[k], bounds[k]), atol=1e-9)
+        assert np.allclose(together[k], bounded(asked[k], Bounds(*(part[k] for part in rows))), atol=1e-9)

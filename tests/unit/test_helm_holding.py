@@ -37,7 +37,7 @@ def test_every_source_of_obstacles_counts_and_the_limiter_says_what_it_did():
             said += [o.message for o in desk.step() if isinstance(o.message, LimiterStatus)]
         assert 0.8 < wall.distance_m < 2.0, topic
         assert 55 <= len(said) <= 65, "ten a second"
-        assert said[-1].label == "wall" and said[-1].why == "curve" and said[-1].zone == "transition"
+        assert said[-1].label == "wall" and said[-1].why in ("curve", "push-back") and said[-1].zone == "transition"
         assert said[-1].allowed_m_s < 0.1 and said[-1].source == topic
         assert said[-1].sectors_m[0] == pytest.approx(wall.distance_m, abs=0.05)
         assert said[-1].sectors_m[1:] == (-1.0,) * 71

@@ -89,7 +89,7 @@ def test_obstacles_of_a_silent_source_stay_grow_and_go():
     later = now(known, S + 5 * S // 2)
     assert later.distance_m == pytest.approx([5.0 - 2.0 * CONFIG.spread_m_s])
     assert (later.labels, later.sources) == (["person 3"], ["obstacles/people"])
-    assert not len(now(known, 5 * S).distance_m)
+    assert not len(now(known, 8 * S).distance_m)
 
 
 def test_an_older_message_changes_nothing():

@@ -1,0 +1,226 @@
+"""Random encounters of a vehicle that flies straight on with obstacles that stand and walk, many at once.
+
+What flies is the limiter's own code (`onboard.limiter`), as rows over arrays; around it stand the vehicle's response,
+a depth sensor with noise, delay and drop-outs, and an oracle that knows the truth and only brakes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.encounter_vehicle import DT_S, Vehicles
+from onboard.limiter.config import LimiterConfig
+from onboard.limiter.constraints import Motion, braking_after, deepest_braking, obstacle_rows
+from onboard.limiter.law import sight_speed, stoppable
+from onboard.limiter.limiter import bounded_many
+from onboard.limiter.map import keep_s
+
+Array = np.ndarray
+MOST = 8
+DURATION_S = 12.0
+CONTROL_S = 0.05
+_SAMPLE_TICKS = 2  # 10 Hz
+_RANGE_M, _HALF_VIEW_RAD = 8.0, np.radians(45.0)
+_DISTANCE_NOISE_M, _VELOCITY_NOISE_M_S, _OWN_NOISE_M_S = 0.03, 0.1, 0.03
+_FAR_M = 1e3
+_SPEED_M_S, _CRUISING = (0.5, 2.5), 0.5
+_WALKING = 0.5
+_DRAGS_1_S = (0.1, 1.0)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What is drawn for N encounters."""
+
+    asked: Array
+    """Velocity asked all the time, (N, 3), NED, m/s: north, with a little climb or sink."""
+    cruising: Array
+    """Whether it is flown from the beginning, (N,); else the vehicle starts at rest."""
+    drag_1_s: Array
+    """Drag by mass, (N,)."""
+    places: Array
+    """Obstacles at the beginning, (N, 8, 3), m; far away where there are fewer than eight."""
+    velocities: Array
+    """Their velocities, (N, 8, 3), m/s."""
+    delay_ticks: Array
+    """Delay of the sensor, (N,), control periods."""
+    lost_from_s: Array
+    """Beginning of the drop-out, (N,), s."""
+    lost_for_s: Array
+    """Its length, (N,), s."""
+
+    def at(self, t_s: float) -> Array:
+        """Obstacles at a time, (N, 8, 3), m."""
+        return self.places + self.velocities * t_s
+
+
+def draw(rng: np.random.Generator, count: int) -> Scene:
+    """Encounters: 1 to 8 obstacles 3 to 15 m away (from 8.5 m where the vehicle is under way), within 60 degrees of the
+    way, one or two of them walking at up to 1.5 m/s in every second encounter."""
+    speed = rng.uniform(*_SPEED_M_S, count)
+    cruising = rng.random(count) < _CRUISING
+    number = rng.integers(1, MOST + 1, count)
+    distance = rng.uniform(np.where(cruising, _RANGE_M + 0.5, 3.0)[:, None], 15.0, (count, MOST))
+    bearing = np.radians(rng.uniform(-60.0, 60.0, (count, MOST)))
+    height = rng.uniform(-1.0, 1.0, (count, MOST))
+    places = np.stack([distance * np.cos(bearing), distance * np.sin(bearing), height], axis=-1)
+    places[np.arange(MOST)[None, :] >= number[:, None]] = (_FAR_M, 0.0, 0.0)
+    walkers = np.where(rng.random(count) < _WALKING, rng.integers(1, 3, count), 0)
+    walks = (np.arange(MOST)[None, :] < np.minimum(walkers, number)[:, None]).astype(float)
+    heading, pace = rng.uniform(-np.pi, np.pi, (count, MOST)), rng.uniform(0.3, 1.5, (count, MOST)) * walks
+    velocities = np.stack([pace * np.cos(heading), pace * np.sin(heading), np.zeros((count, MOST))], axis=-1)
+    climb = np.where(rng.random(count) < 0.2, rng.uniform(-0.3, 0.3, count), 0.0)
+    return Scene(
+        np.stack([speed, np.zeros(count), climb], axis=-1),
+        cruising,
+        rng.choice(_DRAGS_1_S, count),
+        places,
+        velocities,
+        rng.integers(0, 5, count),
+        rng.uniform(0.0, DURATION_S, count),
+        np.where(rng.random(count) < 0.5, rng.uniform(0.0, 1.0, count), 0.0),
+    )
+
+
+class Sensor:
+    """Depth sensor and obstacle map: what the limiter knows, from noisy samples that come late or not at all.
+
+    Args:
+        scene: the encounters.
+        config: how long what is known counts.
+        rng: of the noise.
+    """
+
+    def __init__(self, scene: Scene, config: LimiterConfig, rng: np.random.Generator):
+        self._scene, self._config, self._rng = scene, config, rng
+        shape = scene.places.shape
+        self._samples: dict[int, tuple[Array, Array, Array]] = {}
+        self._places, self._velocities = np.full(shape, _FAR_M), np.zeros(shape)
+        self._stamps_s = np.full(shape[:2], -_FAR_M)
+        self._heard_s = np.zeros(shape[0])
+
+    def look(self, tick: int, t_s: float, p_m: Array) -> None:
+        """Take a sample at this tick, and deliver what is due."""
+        scene, rng = self._scene, self._rng
+        if tick % _SAMPLE_TICKS == 0:
+            truth = scene.at(t_s)
+            offset = truth - p_m[:, None]
+            distance = np.linalg.norm(offset, axis=-1, keepdims=True)
+            measured = truth + offset / np.maximum(distance, 1e-6) * rng.normal(0.0, _DISTANCE_NOISE_M, distance.shape)
+            walking = np.any(scene.velocities != 0.0, axis=-1, keepdims=True)
+            noise = rng.normal(0.0, _VELOCITY_NOISE_M_S, truth.shape) * walking * (1.0, 1.0, 0.0)
+            self._samples[tick] = (measured, scene.velocities + noise, in_view(offset))
+            self._samples.pop(tick - 8, None)
+        for delay in range(5):
+            sample = self._samples.get(tick - delay)
+            if sample is None:
+                continue
+            taken_s = t_s - delay * CONTROL_S
+            lost = (taken_s >= scene.lost_from_s) & (taken_s < scene.lost_from_s + scene.lost_for_s)
+            heard = (scene.delay_ticks == delay) & ~lost
+            fresh = sample[2] & heard[:, None]
+            self._places[fresh], self._velocities[fresh] = sample[0][fresh], sample[1][fresh]
+            self._stamps_s[fresh] = taken_s
+            self._heard_s[heard] = taken_s
+
+    def obstacles(self, t_s: float, p_m: Array) -> tuple[Array, Array, Array]:
+        """Distances (N, 8), unit vectors and velocities (N, 8, 3) as they are known now."""
+        age_s = t_s - self._stamps_s
+        known = age_s <= keep_s(self._velocities, self._config, looks=True)
+        offset = self._places + self._velocities * age_s[..., None] - p_m[:, None]
+        offset = np.where(known[..., None], offset, (_FAR_M, 0.0, 0.0))
+        distance = np.linalg.norm(offset, axis=-1)
+        velocities = np.where(known[..., None], self._velocities, 0.0)
+        unsure_s = np.maximum(t_s - self._heard_s - self._config.stale_s, 0.0)[:, None]
+        walking = np.any(velocities != 0.0, axis=-1)
+        unsure_s = np.where(walking, np.maximum(age_s - self._config.stale_s, 0.0), unsure_s)
+        unit = offset / np.maximum(distance, 1e-6)[..., None]
+        return np.maximum(distance - unsure_s * self._config.spread_m_s, 0.0), unit, velocities
+
+    def fastest_m_s(self, t_s: float, v_m_s: Array) -> Array:
+        """Fastest speed in the direction of each velocity, (N,), m/s."""
+        config = self._config
+        bearing = np.arctan2(v_m_s[:, 1], v_m_s[:, 0])
+        silent_s = t_s - self._heard_s
+        age_s = np.where(np.abs(bearing) <= _HALF_VIEW_RAD, silent_s, _FAR_M)
+        free = stoppable(_RANGE_M - config.h_min_m - config.margin_m, config)
+        return sight_speed(free, age_s, silent_s, config)
+
+
+def in_view(offset_m: Array) -> Array:
+    """Whether an offset from the vehicle lies within range and view, (...)."""
+    near = (offset_m * offset_m).sum(axis=-1) <= _RANGE_M**2
+    return near & (np.abs(np.arctan2(offset_m[..., 1], offset_m[..., 0])) <= _HALF_VIEW_RAD)
+
+
+@dataclass(frozen=True)
+class Ends:
+    """How N encounters went."""
+
+    nearest_m: Array
+    """Least distance to each obstacle, (N, 8), m."""
+    oracle_m: Array
+    """The same for the oracle that brakes from the instant at which that obstacle enters range and view, (N, 8), m.
+    One that never does was not there for anybody: its nearest distance stands here."""
+    ghost_m: Array
+    """Least distance of the flight without limiter to any obstacle, (N,), m."""
+    progress: Array
+    """Way north over that of the flight without limiter, (N,)."""
+    stood_s: Array
+    """Longest time at less than a tenth of the asked speed after the start, (N,), s."""
+
+
+def fly(scene: Scene, config: LimiterConfig, rng: np.random.Generator) -> Ends:
+    """Fly all encounters of a scene with one strategy."""
+    count = len(scene.asked)
+    start = np.where(scene.cruising[:, None], scene.asked, 0.0)
+    vehicles = Vehicles(np.zeros((count, 3)), start, scene.drag_1_s)
+    ghosts = Vehicles(np.zeros((count, 3)), start, scene.drag_1_s)
+    each = np.broadcast_to(scene.drag_1_s[:, None], (count, MOST))
+    oracles = Vehicles(np.zeros((count, MOST, 3)), np.zeros((count, MOST, 3)), each)
+    seen = np.zeros((count, MOST), dtype=bool)
+    nearest, oracle_m = np.full((count, MOST), _FAR_M), np.full((count, MOST), _FAR_M)
+    ghost_m, standing_s, stood_s = np.full(count, _FAR_M), np.zeros(count), np.zeros(count)
+    sensor, braking = Sensor(scene, config, rng), np.zeros((count, 3))
+    standstill = np.zeros((count, MOST, 3))
+    for tick in range(round(DURATION_S / CONTROL_S)):
+        t_s = tick * CONTROL_S
+        entered = in_view(scene.at(t_s) - vehicles.p[:, None]) & ~seen
+        oracles.become(vehicles, entered)
+        seen |= entered
+        sensor.look(tick, t_s, vehicles.p)
+        setpoint, braking = _limited(scene, config, sensor, vehicles, braking, t_s, rng)
+        for _ in range(round(CONTROL_S / DT_S)):
+            vehicles.step(setpoint)
+            ghosts.step(scene.asked)
+            oracles.step(standstill)
+        truth = scene.at(t_s + CONTROL_S)
+        nearest = np.minimum(nearest, np.linalg.norm(truth - vehicles.p[:, None], axis=-1))
+        oracle_m = np.where(seen, np.minimum(oracle_m, np.linalg.norm(truth - oracles.p, axis=-1)), oracle_m)
+        ghost_m = np.minimum(ghost_m, np.linalg.norm(truth - ghosts.p[:, None], axis=-1).min(axis=1))
+        slow = (vehicles.v[:, 0] < 0.1 * scene.asked[:, 0]) & (t_s > 2.0)
+        standing_s = np.where(slow, standing_s + CONTROL_S, 0.0)
+        stood_s = np.maximum(stood_s, standing_s)
+    return Ends(nearest, np.where(seen, oracle_m, nearest), ghost_m, vehicles.p[:, 0] / ghosts.p[:, 0], stood_s)
+
+
+def _limited(
+    scene: Scene,
+    config: LimiterConfig,
+    sensor: Sensor,
+    vehicles: Vehicles,
+    braking: Array,
+    t_s: float,
+    rng: np.random.Generator,
+) -> tuple[Array, Array]:
+    """Setpoints and the braking memory, (N, 3) each: `limit` over arrays."""
+    flown = vehicles.v + rng.normal(0.0, _OWN_NOISE_M_S, vehicles.v.shape)
+    motion = Motion(scene.asked, scene.asked, flown, braking)
+    rows = obstacle_rows(*sensor.obstacles(t_s, vehicles.p), motion, config)
+    v = bounded_many(scene.asked, rows)
+    speed = np.linalg.norm(v, axis=1)
+    fastest = np.maximum(sensor.fastest_m_s(t_s, v), deepest_braking(rows))
+    v = v * np.minimum(1.0, fastest / np.maximum(speed, 1e-9))[:, None]
+    return v, braking_after(rows, motion, config, CONTROL_S)
