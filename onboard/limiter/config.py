@@ -64,7 +64,7 @@ class LimiterConfig(Section, frozen=True, kw_only=True):
     overcome; without this, with the drag of its built-in quadrotor, a stop from 2 m/s would run on by another metre."""
     brake_m_s: NonNegative = 2.5
     """Most that is asked for below the bound, m/s."""
-    margin_m: NonNegative = 0.1
+    margin_m: NonNegative = 0.15
     """What measured distances may be too long by, m; the braking bound keeps it beside `h_min_m`."""
     foresight_s: NonNegative = 2.0
     """How far ahead the path of a moving obstacle is kept free, s: about a stop from full speed."""
