@@ -17,6 +17,7 @@ from onboard.limiter.constraints import (
     braking_bound,
     deepest_braking,
     obstacle_rows,
+    towards,
 )
 from onboard.limiter.law import Zone, zone
 from onboard.limiter.project import project, project_many, retreat, retreat_many
@@ -26,6 +27,7 @@ from onboard.limiter.volume import edges
 Array = np.ndarray
 Why = Literal["clear", "curve", "bound", "blind", "floor", "ceiling", "fence", "push-back", "no data"]
 _CHANGED_M_S = 1e-6
+_BRAKING_FROM_M_S = 0.1
 _ZERO: Vec3 = (0.0, 0.0, 0.0)
 
 
@@ -136,7 +138,9 @@ def bounded(asked_m_s: Array, rows: Bounds) -> Array:
     v = project(asked_m_s, rows.normals, np.maximum(bounds, 0.0))
     if not (bounds < 0.0).any():
         return v
-    return project(retreat(v, rows.normals, bounds), rows.normals, _firm(rows))
+    away, firm = retreat(v, rows.normals, bounds), _firm(rows)
+    around = project(away, rows.normals, firm)
+    return around + _braking_share(rows)[..., None] * (_straight(v, away, rows.normals, firm) - around)
 
 
 def bounded_many(asked_m_s: Array, rows: Bounds) -> Array:
@@ -144,8 +148,23 @@ def bounded_many(asked_m_s: Array, rows: Bounds) -> Array:
     v = project_many(asked_m_s, rows.normals, np.maximum(rows.bounds_m_s, 0.0))
     back = np.nonzero((rows.bounds_m_s < 0.0).any(axis=1))[0]
     some = Bounds(*(part[back] for part in rows))
-    v[back] = project_many(retreat_many(v[back], some.normals, some.bounds_m_s), some.normals, _firm(some))
+    away, firm = retreat_many(v[back], some.normals, some.bounds_m_s), _firm(some)
+    around = project_many(away, some.normals, firm)
+    v[back] = around + _braking_share(some)[..., None] * (_straight(v[back], away, some.normals, firm) - around)
     return v
+
+
+def _straight(v: Array, away: Array, normals: Array, firm: Array) -> Array:
+    """As far from v (..., 3), which keeps to the firm bounds, towards another velocity as they allow, (..., 3), m/s."""
+    step = towards(normals, away - v)
+    room = np.maximum(firm - towards(normals, v), 0.0)
+    shares = np.where(step > room, room / np.maximum(step, 1e-12), 1.0)
+    return v + shares.min(axis=-1)[..., None] * (away - v)
+
+
+def _braking_share(rows: Bounds) -> Array:
+    """Whether it is braking, 1, or giving way, 0: who brakes brakes straight, who gives way goes round, (...)."""
+    return np.minimum(rows.excess_m_s.max(axis=-1) / _BRAKING_FROM_M_S, 1.0)
 
 
 def _firm(rows: Bounds) -> Array:

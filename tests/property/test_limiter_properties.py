@@ -110,13 +110,14 @@ def test_it_has_no_preferred_direction(asked, flown, obstacles, angle, axis, con
 @given(_VELOCITY, _unit(), st.floats(0.3, 9.0), st.floats(-1e-3, 1e-3), _VELOCITY, _CONFIG)
 @_FAST
 def test_a_small_change_of_the_inputs_changes_little(asked, direction, distance, step, nudge, config):
-    """One standing obstacle: 60 m/s per metre (the steepest curve near h_min), 4 per m/s."""
+    """One standing obstacle: 60 m/s per metre (the steepest curve near h_min), 45 per m/s: the curve's v_max grows in
+    over the first 0.1 m/s of approach."""
     first = limit(asked, of_obstacles([Obstacle(distance_m=distance, ned_direction=direction)]), config).ned_v_m_s
     near = of_obstacles([Obstacle(distance_m=distance + step, ned_direction=direction)])
     assert _size(np.subtract(limit(asked, near, config).ned_v_m_s, first)) <= 60.0 * abs(step) + 1e-6
     other = tuple((np.array(asked) + 1e-3 * np.array(nudge)).tolist())
     same = of_obstacles([Obstacle(distance_m=distance, ned_direction=direction)])
-    assert _size(np.subtract(limit(other, same, config).ned_v_m_s, first)) <= 4e-3 * _size(nudge) + 1e-6
+    assert _size(np.subtract(limit(other, same, config).ned_v_m_s, first)) <= 45e-3 * _size(nudge) + 1e-6
 
 
 @given(_VELOCITY, _OBSTACLES, st.sampled_from([math.nan, math.inf, -math.inf]), st.integers(0, 6), _CONFIG)
