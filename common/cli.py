@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+import math
 import sys
 from collections.abc import Sequence
 
@@ -44,7 +45,7 @@ def _run_node(args: argparse.Namespace) -> int:
 def _run_do(args: argparse.Namespace) -> int:
     if args.command == stick_command.NAME:
         return _run_stick(args)
-    commands = {name.split("/")[-1]: name for name in topics.COMMANDS}
+    commands = topics.commands_by_word()
     if args.command not in commands:
         known = ", ".join([*commands, stick_command.NAME])
         raise ConfigError(f"do: got {args.command!r}, expected one of: {known}")
@@ -55,8 +56,15 @@ def _run_do(args: argparse.Namespace) -> int:
         except ValueError:
             raise ConfigError(f"do {args.command}: got box {args.box!r}, expected X,Y,W,H in px") from None
         box = (x, y, w, h)
+    argument = Command(
+        box_px=box,
+        height_m=args.height,
+        label=args.label,
+        bearing_rad=None if args.bearing is None else math.radians(args.bearing),
+        operator="command line",
+    )
     with Bus(load_config(args.config, args.overrides).section(BusConfig), args.side, "cli", wait_s=3.0) as bus:
-        reply = bus.query(commands[args.command], Command(box_px=box, height_m=args.height, operator="command line"))
+        reply = bus.query(commands[args.command], argument)
     print(f"{args.command}: {reply.outcome}" + (f": {reply.reason}" if reply.reason else ""))
     return 0 if reply.outcome == "done" else 1
 

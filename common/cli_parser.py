@@ -90,13 +90,17 @@ def _add_do(sub: argparse._SubParsersAction) -> None:
         "do",
         help="Give the vehicle a command, as the console's buttons do",
         description="Give a command and print the reply; exit code 0 when done, 1 otherwise.",
-        epilog="\n".join(f"  {c.name.split('/')[-1]:10} {c.doc}" for c in topics.COMMANDS.values())
-        + f"\n  {stick_command.NAME:10} {stick_command.DOC}",
+        epilog="\n".join(f"  {word:15} {topics.COMMANDS[name].doc}" for word, name in topics.commands_by_word().items())
+        + f"\n  {stick_command.NAME:15} {stick_command.DOC}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     do.add_argument("command", metavar="COMMAND", help="see below")
     do.add_argument("box", nargs="?", metavar="X,Y,W,H", help="select: the target's box in the picture, px")
     do.add_argument("--height", type=float, metavar="M", help="takeoff: height above home, m")
+    do.add_argument("--label", default="", metavar="NAME", help="approach-select: name of the thing")
+    do.add_argument(
+        "--bearing", type=float, metavar="DEG", help="approach-select: its direction from the nose, clockwise, degrees"
+    )
     stick_command.add_options(do)
     do.add_argument("--side", choices=("onboard", "ground"), default="ground", help="whose router to use")
     _add_config(do)

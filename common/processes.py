@@ -60,6 +60,13 @@ PROCESSES: dict[str, ProcessSpec] = {
             outlives_supervisor=True,
         ),
         ProcessSpec(
+            "approach",
+            "onboard",
+            "onboard.approach.node:ApproachNode",
+            "flies up to a person or an obstacle that the operator has chosen, and holds there",
+            "onboard",
+        ),
+        ProcessSpec(
             "router-ground", "ground", "common.router:run_ground", "the ground station's Zenoh router", "ground"
         ),
         ProcessSpec(
@@ -87,6 +94,7 @@ SECTIONS: dict[str, str] = {
     "helm": "onboard.helm.config:HelmConfig",
     "proximity": "onboard.proximity.config:ProximityConfig",
     "limiter": "onboard.limiter.config:LimiterConfig",
+    "approach": "onboard.approach.config:ApproachConfig",
     "tracker": "common.tracking.config:ParticleFilterConfig",
     "pursuit": "ground.pursuit.config:PursuitConfig",
     "console": "ground.console.config:ConsoleConfig",

@@ -105,6 +105,17 @@ _TOPICS = (
         written_by=("pursuit",),
         doc="motion asked by the chase",
     ),
+    Topic(
+        "helm/request/approach",
+        m.Request,
+        20,
+        300,
+        priority="real_time",
+        written_by=("approach",),
+        crosses_link=False,
+        doc="motion asked by the approach to a person or an obstacle",
+    ),
+    Topic("approach/target", m.ApproachTarget, 10, 500, doc="what the approach has selected, and where it is"),
     Topic("helm/limiter", m.LimiterStatus, 10, 500, priority="interactive_high", doc="what the limiter does, and why"),
     Topic(
         "obstacles/depth",
@@ -173,6 +184,13 @@ COMMANDS: dict[str, CommandSpec] = {
         CommandSpec("helm/do/return", 5, "fly home under the limiter and land"),
         CommandSpec("helm/do/engage", 5, "take the stick again after helm yielded or restarted; hovers"),
         CommandSpec("helm/do/chase", 5, "obey the pursuit"),
+        CommandSpec("helm/do/approach", 5, "obey the approach: fly up to what was selected, and hold there"),
+        CommandSpec(
+            "approach/do/select",
+            5,
+            "choose what to approach: by its name, by a direction from the nose, or the nearest ahead",
+        ),
+        CommandSpec("approach/do/stop", 5, "forget what was to be approached"),
         CommandSpec("pursuit/do/select", 5, "choose the target by a box in the picture"),
         CommandSpec(
             "pursuit/do/find", 5, "look for the target of the picture `pursuit.model` names, until it is found"
@@ -181,6 +199,19 @@ COMMANDS: dict[str, CommandSpec] = {
         CommandSpec("pursuit/do/stop", 5, "forget the target"),
     )
 }
+
+
+def commands_by_word() -> dict[str, str]:
+    """Commands by their word on the command line: the last part of the name, or node and last part where that is taken.
+
+    `select` is `pursuit/do/select`, `approach-select` is `approach/do/select`.
+    """
+    words: dict[str, str] = {}
+    for name in sorted(COMMANDS, key=lambda n: not n.startswith(("helm/", "pursuit/"))):
+        node, _, last = name.partition("/do/")
+        words[last if last not in words else f"{node}-{last}"] = name
+    return words
+
 
 TOPICS: dict[str, Topic] = {t.name: t for t in _TOPICS}
 

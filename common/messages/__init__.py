@@ -231,6 +231,23 @@ class Track(Message, frozen=True, kw_only=True):
     """Why no request goes out, empty when one does."""
 
 
+class ApproachTarget(Message, frozen=True, kw_only=True):
+    """What the approach has selected, and where it is."""
+
+    state: Literal["idle", "tracking", "lost"]
+    """`idle`: nothing is selected. `lost`: it was not seen of late; no request goes out."""
+    label: str = ""
+    """Its name, when the source gives one."""
+    ned_p_m: Vec3 = (0.0, 0.0, 0.0)
+    """Its nearest point, from home, NED, m; where it was last, when lost."""
+    distance_m: float = -1.0
+    """From the vehicle's centre to that point, m; -1 when idle."""
+    goal_m: float = 0.0
+    """Distance at which the vehicle is to stop, m."""
+    reason: str = ""
+    """Why no request goes out, empty when one does."""
+
+
 # ---------------------------------------------------------------- commands, with replies
 
 
@@ -245,6 +262,12 @@ class Command(Message, frozen=True, kw_only=True):
     """`pursuit/do/select`: picture that the box was drawn on (0: the newest)."""
     height_m: float | None = None
     """`helm/do/takeoff`: height above home, m."""
+    label: str = ""
+    """`approach/do/select`: name of the thing (`person 3`)."""
+    bearing_rad: float | None = None
+    """`approach/do/select`: direction of the thing, rad from the vehicle's heading, clockwise."""
+    ned_p_m: Vec3 | None = None
+    """`approach/do/select`: a point of the thing, from home, NED, m."""
     operator: str = ""
     """Who asks, for the log."""
 

@@ -10,11 +10,19 @@ from common.geometry.rotation import euler_from_quat
 from common.topics import health_topic, topic
 from ground.console.alarms import Alarm
 from ground.console.commands import LastCommand
-from ground.console.snapshot import SESSION, STATE, STATUS, TOPICS, TRACK, Snapshot
+from ground.console.snapshot import APPROACH, SESSION, STATE, STATUS, TOPICS, TRACK, Snapshot
 
 _ZONE_CLASS = {"safe": "g", "warning": "o", "transition": "o", "collision": "r", "blind": "d"}
 _OUTCOME_CLASS = {"done": "g", "refused": "o", "failed": "r", "running": "b"}
-_STATE_CLASS = {"hold": "g", "pursuit": "g", "operator": "g", "yielded": "o", "failsafe": "r", "disconnected": "r"}
+_STATE_CLASS = {
+    "hold": "g",
+    "pursuit": "g",
+    "approach": "g",
+    "operator": "g",
+    "yielded": "o",
+    "failsafe": "r",
+    "disconnected": "r",
+}
 
 
 def card(content: str) -> str:
@@ -117,6 +125,21 @@ def target_html(view: Snapshot, forward_m: float | None, right_m: float | None) 
         lines.append(row("Colour distance", f"{track.distance:.2f}, lost above {track.distance_limit:.2f}"))
     if track.reason:
         lines.append(f'<div class="why">No request: {escape(track.reason)}</div>')
+    return card("".join(lines))
+
+
+def approach_html(view: Snapshot) -> str:
+    """What is approached, how far it is, and why nothing is asked for."""
+    target = view.approach
+    if target is None or not view.fresh(APPROACH):
+        return card(row("Approach", '<span class="d">no word from it</span>'))
+    if target.state == "idle":
+        return card(row("Approach", '<span class="d">nothing selected</span>'))
+    look = "g" if target.state == "tracking" else "o"
+    name = f'<b class="{look}">{escape(target.label or "selected thing")}</b>'
+    lines = [row("Approach", f"{name}, {target.distance_m:.1f} m, to {target.goal_m:.1f} m")]
+    if target.reason:
+        lines.append(f'<div class="why">No request: {escape(target.reason)}</div>')
     return card("".join(lines))
 
 

@@ -35,6 +35,8 @@ class Action:
     """Icon of viser's set."""
     look: ButtonLook = field(default_factory=ButtonLook)
     """Size."""
+    in_turn: bool = False
+    """Whether a command that is not done ends it; else all are given."""
 
 
 HOLD = Action("Hold", ("helm/do/hold",), Icon.HAND_STOP, ButtonLook(wide=True, height_px=52))
@@ -45,13 +47,36 @@ START_CHASE = Action("Start chase", ("helm/do/chase",), Icon.FOCUS_2)
 STOP_CHASE = Action("Stop chase", ("helm/do/hold", "pursuit/do/stop"), Icon.TARGET_OFF)
 FIND = Action("Find target", ("pursuit/do/find",), Icon.PHOTO_SEARCH, ButtonLook(height_px=34))
 FIND_AGAIN = Action("Find again", ("pursuit/do/reinitialise",), Icon.ZOOM_REPLACE, ButtonLook(height_px=34))
+APPROACH = Action(
+    "Approach",
+    ("approach/do/select", "helm/do/approach"),
+    Icon.WALK,
+    in_turn=True,
+)
+STOP_APPROACH = Action("Stop approach", ("helm/do/hold", "approach/do/stop"), Icon.WALK)
+APPROACH_SELECTED = Action("Approach", ("helm/do/approach",), Icon.WALK)
+CHOOSE = Action("Choose what to approach", ("approach/do/select",), Icon.POINTER)
 RETURN = Action("Return", ("helm/do/return",), Icon.HOME)
 ENGAGE = Action("Engage", ("helm/do/engage",), Icon.STEERING_WHEEL)
 ARM = Action("Arm", ("helm/do/arm",), Icon.LOCK_OPEN, ButtonLook(height_px=34))
 DISARM = Action("Disarm", ("helm/do/disarm",), Icon.LOCK, ButtonLook(height_px=34))
 SELECT = Action("Choose target", ("pursuit/do/select",), Icon.MARQUEE_2)
 
-BUTTONS = (HOLD, TAKE_OFF, LAND, START_CHASE, STOP_CHASE, FIND, FIND_AGAIN, RETURN, ENGAGE, ARM, DISARM)
+BUTTONS = (
+    HOLD,
+    TAKE_OFF,
+    LAND,
+    START_CHASE,
+    STOP_CHASE,
+    FIND,
+    FIND_AGAIN,
+    APPROACH,
+    STOP_APPROACH,
+    RETURN,
+    ENGAGE,
+    ARM,
+    DISARM,
+)
 """Buttons of the page, in reading order."""
 
 
@@ -148,6 +173,8 @@ class Commander:
                 reasons.append(reply.reason)
             if _WORST[reply.outcome] > _WORST[worst]:
                 worst = reply.outcome
+            if action.in_turn and reply.outcome != "done":
+                break
         return worst, "; ".join(reasons)
 
     def _note(self, number: int, entry: LastCommand) -> None:

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable
 
+import numpy as np
 import viser
 
 from common.config import Config
-from common.messages import VehicleState
+from common.geometry.rotation import as_vec3
+from common.messages import Command, VehicleState
 from common.node import Inputs, Node, On, Output
 from common.session import BusConfig
-from ground.console.commands import SELECT, Commander
+from ground.console.commands import CHOOSE, SELECT, Commander
 from ground.console.config import ConsoleConfig
 from ground.console.page import Page
 from ground.console.pictures import PictureBoard
@@ -21,6 +23,7 @@ from ground.console.server import open_server
 from ground.console.snapshot import PICTURE, STATE, STATUS, TRACK, Collector, Snapshot
 from ground.console.stick import Stick
 from ground.console.stick_link import StickLink
+from ground.console.target import point_on_ray
 from ground.console.watch import LifeWatch
 
 _RATE_WINDOW_NS = 3_000_000_000
@@ -59,6 +62,7 @@ class ConsoleNode(Node):
             settings,
             on_box=lambda client, command: self._page.notify(client, SELECT, command),
             on_refusal=lambda client, reason: self._page.refuse(client, SELECT, reason),
+            on_ray=self._choose_thing,
         )
         self._watch = LifeWatch(lambda: self.alive(), wanted=lambda: bool(self._board.viewers))
         self._server.on_client_connect(self._welcome)
@@ -81,6 +85,16 @@ class ConsoleNode(Node):
             if not all(viewer.shows_picture for viewer in viewers):
                 self._scene.update(view, self._collector)
         return () if request is None else (request,)
+
+    def _choose_thing(self, client: viser.ClientHandle, event: viser.SceneClickEvent) -> None:
+        """A click on an obstacle of the 3-D view selects it for the approach; one elsewhere means nothing."""
+        view = self._snapshot
+        if view is None or view.state is None or not view.fresh(STATE):
+            return
+        points = [np.asarray(view.state.ned_p_m) + o.distance_m * np.asarray(o.ned_direction) for o in view.obstacles]
+        point = point_on_ray(points, np.asarray(event.ray_origin), np.asarray(event.ray_direction))
+        if point is not None:
+            self._page.notify(client, CHOOSE, Command(ned_p_m=as_vec3(point)))
 
     def _stick_request(self, inputs: Inputs, view: Snapshot) -> Output | None:
         """What the stick asks for, stamped with the vehicle's clock when the operator's page said so."""

@@ -7,10 +7,12 @@ from typing import Literal
 
 import viser
 
+from common.geometry.rotation import euler_from_quat
 from common.messages import Command
 from ground.console.alarms import Alarm, alarms
 from ground.console.cards import (
     alarms_html,
+    approach_html,
     checks_html,
     flight_html,
     headline_html,
@@ -20,6 +22,8 @@ from ground.console.cards import (
     target_html,
 )
 from ground.console.commands import (
+    APPROACH,
+    APPROACH_SELECTED,
     BUTTONS,
     ENGAGE,
     HOLD,
@@ -32,11 +36,15 @@ from ground.console.commands import (
 )
 from ground.console.config import ConsoleConfig
 from ground.console.plot import ErrorHistory, ErrorPlot
-from ground.console.snapshot import STATUS, Snapshot
+from ground.console.ring import hud_html, knows_something
+from ground.console.snapshot import APPROACH as APPROACH_TOPIC
+from ground.console.snapshot import LIMITER, STATE, STATUS, Snapshot
 from ground.console.stick import Speeds
 from ground.console.stick_page import FRAME
 from ground.console.style import style_html
 
+AS_SELECTED: str = "as selected, else nearest ahead"
+"""Choice of the list of things to approach."""
 _WIDTH_PX = 330
 _PERIOD_NS = 250_000_000
 _SLOW_PERIOD_NS = 1_000_000_000
@@ -67,6 +75,15 @@ def next_actions(view: Snapshot) -> set[str]:
     return set()
 
 
+def hud(view: Snapshot) -> str:
+    """The limiter's ring over the picture; empty without fresh words of it, and on the ground."""
+    status, state = view.limiter, view.state
+    known = status is not None and state is not None and view.fresh(LIMITER) and view.fresh(STATE)
+    if not known or status is None or state is None or not state.in_air or not knows_something(status):
+        return ""
+    return hud_html(status, euler_from_quat(state.ned_q_body)[2])
+
+
 @dataclass
 class Texts:
     """The HTML elements of the panel."""
@@ -74,6 +91,8 @@ class Texts:
     headline: viser.GuiHtmlHandle
     alarms: viser.GuiHtmlHandle
     flight: viser.GuiHtmlHandle
+    hud: viser.GuiHtmlHandle
+    approach: viser.GuiHtmlHandle
     last: viser.GuiHtmlHandle
     target: viser.GuiHtmlHandle
     checks: viser.GuiHtmlHandle
@@ -98,6 +117,7 @@ class Page:
         self._due_ns = 0
         self._slow_due_ns = 0
         self._beat = 0
+        self._has_selected = False
         gui = server.gui
         gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=(74, 168, 255))
         gui.main_panel.dock_right()
@@ -120,6 +140,8 @@ class Page:
             step=0.1,
             initial_value=config.stick_speed_m_s,
         )
+        self._things = gui.add_dropdown("Approach what", (AS_SELECTED,))
+        approach_text = gui.add_html("")
         gui.add_html(FRAME)
         last_text = gui.add_html(last_html(None, 0))
         tabs = gui.add_tab_group()
@@ -136,6 +158,8 @@ class Page:
             headline,
             alarm_text,
             flight_text,
+            gui.add_html(""),
+            approach_text,
             last_text,
             target_text,
             checks_text,
@@ -167,6 +191,9 @@ class Page:
             _put(texts.headline, headline_html(found))
             _put(texts.alarms, alarms_html(found))
             _put(texts.flight, flight_html(view))
+            _put(texts.hud, hud(view))
+            _put(texts.approach, approach_html(view))
+            self._offer_things(view)
             _put(texts.last, last_html(log[0] if log else None, view.t_ns))
             _put(texts.target, target_html(view, *(history.newest or (None, None))))
             self._colour_buttons(next_actions(view))
@@ -230,10 +257,28 @@ class Page:
         def _(event: viser.GuiEvent) -> None:
             if event.client is None:
                 return
-            argument = Command(height_m=float(self._height.value)) if action is TAKE_OFF else Command()
-            self.notify(event.client, action, argument)
+            self.notify(event.client, *self._asked(action))
 
         return button
+
+    def _asked(self, action: Action) -> tuple[Action, Command]:
+        """What a press of a button means, with the fields beside it."""
+        if action is TAKE_OFF:
+            return action, Command(height_m=float(self._height.value))
+        if action is APPROACH and self._things.value != AS_SELECTED:
+            return action, Command(label=self._things.value)
+        if action is APPROACH and self._has_selected:
+            return APPROACH_SELECTED, Command()
+        return action, Command()
+
+    def _offer_things(self, view: Snapshot) -> None:
+        """Names of the things that are seen now; the one that is chosen stays in the list."""
+        target = view.approach if view.fresh(APPROACH_TOPIC) else None
+        self._has_selected = target is not None and target.state == "tracking"
+        names = {o.label for o in view.obstacles if o.label} | {self._things.value} - {AS_SELECTED}
+        options = (AS_SELECTED, *sorted(names))
+        if tuple(self._things.options) != options:
+            self._things.options = options
 
     def _colour_buttons(self, leading: set[str]) -> None:
         for label, button in self._buttons.items():

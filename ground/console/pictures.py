@@ -73,6 +73,7 @@ class PictureBoard:
         config: rate, quality, age limits.
         on_box: called in a thread of the server with the browser and the argument of `pursuit/do/select`.
         on_refusal: called with the browser and the reason why a drawn box names no target.
+        on_ray: called with the browser and a click into the 3-D view.
     """
 
     def __init__(
@@ -80,10 +81,12 @@ class PictureBoard:
         config: ConsoleConfig,
         on_box: Callable[[viser.ClientHandle, Command], None],
         on_refusal: Callable[[viser.ClientHandle, str], None],
+        on_ray: Callable[[viser.ClientHandle, viser.SceneClickEvent], None],
     ):
         self._config = config
         self._on_box = on_box
         self._on_refusal = on_refusal
+        self._on_ray = on_ray
         self._painter = Painter()
         self._lock = threading.Lock()
         self._viewers: dict[int, Viewer] = {}
@@ -117,6 +120,7 @@ class PictureBoard:
         viewer.shows_picture = True
         viewer.client.scene.set_global_visibility(False)
         viewer.client.scene.remove_rect_select_callback("all")
+        viewer.client.scene.remove_click_callback("all")
         # No modifier key: a tablet has none.
         viewer.client.scene.on_rect_select()(lambda event: self._take_box(viewer, event))
         self._drawn = None
@@ -126,6 +130,8 @@ class PictureBoard:
         viewer.shows_picture = False
         viewer.shown = None
         viewer.client.scene.remove_rect_select_callback("all")
+        viewer.client.scene.remove_click_callback("all")
+        viewer.client.scene.on_click()(lambda event: self._on_ray(viewer.client, event))
         viewer.client.scene.set_background_image(None)
         viewer.client.scene.set_global_visibility(True)
 

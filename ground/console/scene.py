@@ -1,4 +1,4 @@
-"""The 3-D view: vehicle, flown path, home, what the camera sees, target, commanded velocity, obstacles.
+"""The 3-D view: vehicle, flown path, home, what the camera sees, target, commanded velocity, obstacles, ring.
 
 The scene's frame is NED itself (x north, y east, z down), with up set to -z.
 """
@@ -17,7 +17,8 @@ from common.geometry.rotation import Array, euler_from_quat
 from common.messages import VehicleState
 from ground.console.config import ConsoleConfig
 from ground.console.overlay import GREEN, ORANGE, RED, decode
-from ground.console.snapshot import SETPOINT, STATE, TRACK, Collector, Snapshot
+from ground.console.ring import Ring
+from ground.console.snapshot import APPROACH, LIMITER, SETPOINT, STATE, TRACK, Collector, Snapshot
 from ground.console.target import ground_point_m
 
 _PERIOD_NS = 100_000_000
@@ -126,6 +127,10 @@ class SceneView:
             "/obstacles", np.zeros((1, 3)), RED, point_size=0.25, point_shape="circle", visible=False
         )
 
+        self._ring = Ring(scene)
+        self._goal = scene.add_icosphere("/approach", 0.16, _BLUE, visible=False)
+        self._goal_name = scene.add_label("/approach/name", "", position=(0.0, 0.0, -0.4), visible=False)
+
     def note(self, view: Snapshot, collector: Collector) -> None:
         """Remember the paths; cheap, runs whether anyone looks or not."""
         if view.state is not None and view.fresh(STATE):
@@ -148,6 +153,8 @@ class SceneView:
             self._update_target(view, collector)
             self._update_velocity(view, state)
             self._update_obstacles(view, state)
+            self._ring.update(view.limiter if view.fresh(LIMITER) else None, state.ned_p_m if state else None)
+            self._update_approach(view)
             if view.t_ns >= self._slow_due_ns:
                 self._slow_due_ns = view.t_ns + _SLOW_PERIOD_NS
                 self._path_lines.points = self._path.segments().astype(np.float32)
@@ -204,6 +211,17 @@ class SceneView:
         points = np.array([centre + o.distance_m * np.asarray(o.ned_direction) for o in view.obstacles])
         self._obstacles.points = points.astype(np.float32)
         self._obstacles.colors = np.tile(np.array(RED, np.uint8), (len(points), 1))
+
+    def _update_approach(self, view: Snapshot) -> None:
+        target = view.approach if view.fresh(APPROACH) else None
+        shown = target is not None and target.state != "idle"
+        self._goal.visible = self._goal_name.visible = shown
+        if target is None or not shown:
+            return
+        self._goal.position = target.ned_p_m
+        self._goal.color = _BLUE if target.state == "tracking" else ORANGE
+        word = "" if target.state == "tracking" else f" ({target.state})"
+        self._goal_name.text = f"approach: {target.label or 'selected'}{word}"
 
     def _update_frustum(self, view: Snapshot) -> None:
         camera = view.camera

@@ -11,10 +11,12 @@ from common.clock import ClockMap
 from common.geometry.camera import Camera
 from common.header import Received
 from common.messages import (
+    ApproachTarget,
     CameraInfo,
     Health,
     HelmStatus,
     Image,
+    LimiterStatus,
     Message,
     Obstacle,
     Obstacles,
@@ -35,8 +37,10 @@ STATUS = "helm/status"
 SETPOINT = "helm/setpoint"
 TRACK = "pursuit/track"
 OBSTACLES = ("obstacles/depth", "obstacles/people", "obstacles/circles")
+LIMITER = "helm/limiter"
+APPROACH = "approach/target"
 SESSION = "session"
-TOPICS = (PICTURE, CAMERA_INFO, STATE, STATUS, SETPOINT, TRACK, *OBSTACLES, SESSION)
+TOPICS = (PICTURE, CAMERA_INFO, STATE, STATUS, SETPOINT, LIMITER, TRACK, APPROACH, *OBSTACLES, SESSION)
 
 _PICTURES_KEPT = 6  # 0.3 s at 20 Hz: the tracker answers within that, or its box is shown on a newer picture
 _STATES_KEPT_NS = 2_000_000_000
@@ -87,6 +91,10 @@ class Snapshot:
     """Picture that the estimate belongs to (vehicle clock)."""
     tracked_ago_ms: float = -1.0
     """How long ago the target was last tracked, ms; -1: never."""
+    limiter: LimiterStatus | None = None
+    """Newest status of the limiter."""
+    approach: ApproachTarget | None = None
+    """Newest word of the approach."""
     obstacles: tuple[Obstacle, ...] = ()
     """Obstacles of all sources that are fresh."""
     camera: Camera | None = None
@@ -233,6 +241,8 @@ class Collector:
             track=_message(track),
             track_capture_ns=track.header.capture_ns if track else 0,
             tracked_ago_ms=-1.0 if self._tracked_ns is None else (t_ns - self._tracked_ns) / 1e6,
+            limiter=_message(newest(LIMITER, LimiterStatus)),
+            approach=_message(newest(APPROACH, ApproachTarget)),
             obstacles=obstacles,
             camera=self._calibration(newest(CAMERA_INFO, CameraInfo)),
             session=_message(newest(SESSION, Session)),

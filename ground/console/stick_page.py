@@ -16,7 +16,7 @@ POLICY = (
 """Content-Security-Policy of the page."""
 FRAME = (
     '<iframe id="outrider-stick" src="/stick" title="Operator\'s stick" scrolling="no" style="position:fixed;'
-    'left:12px;bottom:12px;width:132px;height:52px;border:0;border-radius:10px;z-index:40"></iframe>'
+    'left:12px;bottom:150px;width:132px;height:52px;border:0;border-radius:10px;z-index:40"></iframe>'
 )
 """The frame around it, for the console's page."""
 PAGE = """\
@@ -24,10 +24,11 @@ PAGE = """\
 <html lang="en"><head><meta charset="utf-8"><title>Operator's stick</title>
 <style>
 * { box-sizing: border-box }
+:root { color-scheme: dark }
 body { margin: 0; font: 13px/1.3 system-ui, "Segoe UI", Roboto, sans-serif; color: #e6edf3; background: transparent;
        user-select: none; -webkit-user-select: none; overflow: hidden }
 #box { background: #161b22ee; border-radius: 10px; padding: 6px; width: 132px; height: 52px }
-.on #box { width: 316px; height: 262px }
+.on #box { width: 316px; height: 246px }
 button { font: 600 15px system-ui, sans-serif; width: 120px; height: 40px; border: 0; border-radius: 7px;
          background: #3a424d; color: #fff; cursor: pointer }
 .on button { background: #b06000 }
@@ -55,8 +56,8 @@ kbd { font: 600 11px ui-monospace, monospace; background: #2a3038; border-radius
 <i class="w">left</i><i class="e">right</i><div class="knob"></div></div>
 <div class="pad square" id="mast" aria-label="up, down, turn"><i class="n">up</i><i class="s">down</i>
 <i class="w">turn</i><i class="e">turn</i><div class="knob"></div></div></div>
-<div id="keys"><kbd>W</kbd> <kbd>A</kbd> <kbd>S</kbd> <kbd>D</kbd> or arrows move &nbsp; <kbd>Q</kbd> <kbd>E</kbd> turn
-&nbsp; <kbd>R</kbd> <kbd>F</kbd> up, down<br>let go: the vehicle hovers</div></div>
+<div id="keys"><kbd>W</kbd> <kbd>A</kbd> <kbd>S</kbd> <kbd>D</kbd> or arrows move &nbsp; let go: it hovers<br>
+<kbd>Q</kbd> <kbd>E</kbd> turn &nbsp; <kbd>R</kbd> <kbd>F</kbd> up, down</div></div>
 <script>
 "use strict";
 const TICK_MS = 50, REACH_PX = 48, DEADBAND = 0.06;
@@ -107,7 +108,7 @@ function set(on, text) {
   button.title = say.textContent = text;
   if (window.frameElement) {
     frameElement.style.width = on ? "316px" : "132px";
-    frameElement.style.height = on ? "262px" : "52px";
+    frameElement.style.height = on ? "246px" : "52px";
   }
 }
 

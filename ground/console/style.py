@@ -21,7 +21,11 @@ _SHEET = """
 .or .al b{display:block;font-size:15px}
 .or .als{position:fixed;z-index:50;top:12px;right:RIGHTpx;width:min(360px,calc(100vw - RESTpx));
   pointer-events:none;opacity:.94}
-@media(max-width:800px){.or .als{position:static;width:auto}}
+@media(max-width:800px){.or .als,.or .hud{position:static;width:auto}}
+.or .hud{position:fixed;z-index:30;bottom:150px;right:RIGHTpx;width:206px;padding:8px 10px;border-radius:10px;
+  background:#0d1117cc;text-align:center;font-size:13px;pointer-events:none;font-variant-numeric:tabular-nums}
+.or .hud svg{display:block;margin:0 auto 4px}
+.or .hud small{color:#c4ccd4}
 .or .danger{background:#4a1517;border-color:#ff5a52}
 .or .warning{background:#47310b;border-color:#ff9f1c}
 .or .notice{background:#14304d;border-color:#4aa8ff}

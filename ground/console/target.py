@@ -1,6 +1,8 @@
-"""Where the target stands on the ground, from its place in the picture."""
+"""Where the target stands on the ground, from its place in the picture; what a click into the 3-D view means."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -33,3 +35,23 @@ def ground_point_m(track: Track, camera: Camera, state: VehicleState) -> Array |
     if not np.isfinite(tangents).all():
         return None
     return np.array([eye[0] + height_m * tangents[0], eye[1] + height_m * tangents[1], 0.0])
+
+
+def point_on_ray(points_m: Sequence[Array], origin_m: Array, direction: Array, within_m: float = 0.4) -> Array | None:
+    """The point (3,) that a ray passes nearest to, m; None when it passes all of them by, or they lie behind it.
+
+    Args:
+        points_m: candidates (3,), m.
+        origin_m: where the ray begins (3,), m.
+        direction: its direction (3,), not zero.
+        within_m: how far a point may lie off the ray, m.
+    """
+    unit = direction / np.linalg.norm(direction)
+    best, best_m = None, within_m
+    for point in points_m:
+        offset = point - origin_m
+        along = float(offset @ unit)
+        off_m = float(np.linalg.norm(offset - along * unit))
+        if along > 0.0 and off_m <= best_m:
+            best, best_m = point, off_m
+    return best

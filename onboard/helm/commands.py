@@ -155,6 +155,18 @@ def _chase(call: Call, flight: Flight, seen: Seen, t_ns: int) -> None:
         _wrong_state(call, flight, Event.CHASE)
 
 
+def _approach(call: Call, flight: Flight, seen: Seen, t_ns: int) -> None:
+    fresh = seen.approach is not None and (t_ns - seen.approach.received_ns) / 1e9 < flight.config.freshness_s
+    if flight.state is State.APPROACH:
+        _done(call, "already approaching")
+    elif not fresh:
+        _refuse(call, "the approach has no target; choose one first with approach/do/select")
+    elif flight.fire(Event.APPROACH, "approach commanded", seen.telemetry, t_ns):
+        _done(call, "obeying the approach")
+    else:
+        _wrong_state(call, flight, Event.APPROACH)
+
+
 _HANDLERS: Mapping[str, Callable[[Call, Flight, Seen, int], None]] = MappingProxyType(
     {
         "helm/do/arm": _arm,
@@ -165,6 +177,7 @@ _HANDLERS: Mapping[str, Callable[[Call, Flight, Seen, int], None]] = MappingProx
         "helm/do/return": _return,
         "helm/do/engage": _engage,
         "helm/do/chase": _chase,
+        "helm/do/approach": _approach,
     }
 )
 COMMANDS: tuple[str, ...] = tuple(_HANDLERS)

@@ -42,7 +42,7 @@ class ContainmentConfig(Section, frozen=True, kw_only=True):
     fence_band_m: Positive = 8.0
     """Within this distance of the fence the outward speed is taken away gradually, m."""
     chase_without_target_s: Positive = 20.0
-    """Longest chase without a target, s; then helm holds."""
+    """Longest chase or approach without a target, s; then helm holds."""
 
     def check(self) -> None:
         """Raise ConfigError when fields contradict each other."""

@@ -136,7 +136,7 @@ class Flight:
         if state is State.LANDING:
             self.orders.fail_all("superseded by the landing", keep=("landing",))
             self.do(Action(Kind.LAND))
-        elif state is State.PURSUIT:
+        elif state in (State.PURSUIT, State.APPROACH):
             self._link_ns = self._target_ns = t_ns
         elif state in (State.YIELDED, State.FAILSAFE, State.DISCONNECTED, State.STANDBY):
             if state is State.STANDBY and before is State.LANDING:
@@ -259,15 +259,20 @@ class Flight:
             if state is not State.OPERATOR:
                 self.fire(Event.STICK, "the operator has the stick", telemetry, t_ns)
         elif state is State.RETURNING and telemetry.position is not None:
+            yaw_rad = telemetry.attitude.yaw_rad if telemetry.attitude else math.nan
             self.verdict, home = homing(
-                telemetry.ned_p_m() or (0.0, 0.0, 0.0), telemetry.position.ned_v_m_s, self.config
+                telemetry.ned_p_m() or (0.0, 0.0, 0.0), telemetry.position.ned_v_m_s, yaw_rad, self.config
             )
             if home:
                 self.fire(Event.HOME_REACHED, "home reached, landing", telemetry, t_ns)
         elif state is State.OPERATOR:
-            self.fire(Event.STICK_RELEASED, "the operator let go, hovering; `chase` resumes a chase", telemetry, t_ns)
+            self.fire(
+                Event.STICK_RELEASED, "the operator let go, hovering; `chase` or `approach` resumes", telemetry, t_ns
+            )
         elif state is State.PURSUIT:
             self._watch_chase(seen, t_ns)
+        elif state is State.APPROACH:
+            self._watch_approach(seen, t_ns)
 
     def _arbitrate(self, seen: Seen, t_ns: int) -> Verdict:
         """Operator over task; a stick at rest ends nothing that is under way."""
@@ -276,8 +281,9 @@ class Flight:
             state is State.OPERATOR or (state in _STICK_STATES and _moves(seen.operator))
         ):
             candidates.append(seen.operator)
-        if seen.pursuit is not None and state is State.PURSUIT:
-            candidates.append(seen.pursuit)
+        task = {State.PURSUIT: seen.pursuit, State.APPROACH: seen.approach}.get(state)
+        if task is not None:
+            candidates.append(task)
         attitude = seen.telemetry.attitude
         return arbitrate(candidates, t_ns, attitude.yaw_rad if attitude else math.nan, self.config.freshness_s)
 
@@ -302,6 +308,18 @@ class Flight:
             self.fire(Event.TARGET_AWAY, f"no target for {without_s:.0f} s: hold", seen.telemetry, t_ns)
         elif self.verdict.source == "helm":
             self.machine.reason = f"no fresh request from the chase for {without_s:.1f} s: hover"
+
+    def _watch_approach(self, seen: Seen, t_ns: int) -> None:
+        """Hover at once without a request, its target being lost; after the configured time, hold."""
+        if self.verdict.source == "approach":
+            self._target_ns = t_ns
+            self.machine.reason = "obeying the approach"
+            return
+        without_s = (t_ns - self._target_ns) / 1e9
+        if without_s > self.config.containment.chase_without_target_s:
+            self.fire(Event.TARGET_AWAY, f"nothing to approach for {without_s:.0f} s: hold", seen.telemetry, t_ns)
+        else:
+            self.machine.reason = f"no fresh request from the approach for {without_s:.1f} s: hover"
 
     def _due(self, t_ns: int) -> bool:
         """A setpoint is due for each new request (50 Hz at most), 90 ms after it when no other has come, and at 25 Hz

@@ -37,7 +37,8 @@ from onboard.limiter.map import NOTHING_KNOWN, ObstacleMap
 from onboard.limiter.status import limiter_status
 from onboard.limiter.surroundings import Surroundings
 
-_REQUESTS = ("helm/request/operator", "helm/request/pursuit")
+_SOURCES = ("operator", "pursuit", "approach")
+_REQUESTS = tuple(f"helm/request/{source}" for source in _SOURCES)
 _OBSTACLES = ("obstacles/depth", "obstacles/people", "obstacles/circles")
 _STATUS_PERIOD_S = 0.2
 _LIMITER_PERIOD_S = 0.1
@@ -106,7 +107,7 @@ class HelmNode(Node):
             self.flight.sent(flown, ok, t_ns)
             self._limited = flown.limited
             source = self.flight.verdict.source
-            if source in ("operator", "pursuit"):
+            if source in _SOURCES:
                 inputs.latest(f"helm/request/{source}", Request)  # names it in the setpoint's provenance
             if ok:
                 outputs.append(Output("helm/setpoint", flown.message))
@@ -149,6 +150,7 @@ class HelmNode(Node):
             results=tuple(self._link.results()) if results else (),
             operator=_candidate(inputs, "operator"),
             pursuit=_candidate(inputs, "pursuit"),
+            approach=_candidate(inputs, "approach"),
             around=self._around(inputs, t_ns),
             track=None
             if track is None

@@ -25,6 +25,7 @@ _STILL_M_S = 0.4
 _BRAKE_MAX_S = 4.0
 _HEIGHT_LEAD_M = 1.0
 _HEADING_LEAD_RAD = 0.5
+_ASIDE_SHARE = 0.2  # of the speed home while the nose still points elsewhere: it goes on even where it cannot turn
 
 
 @dataclass(frozen=True)
@@ -197,18 +198,28 @@ class Pilot:
         return min(max(asked + self._config.yaw_gain_1_s * ahead, -largest), largest)
 
 
-def homing(ned_p_m: Vec3, ned_v_m_s: Vec3, config: HelmConfig) -> tuple[Verdict, bool]:
+def homing(ned_p_m: Vec3, ned_v_m_s: Vec3, yaw_rad: float, config: HelmConfig) -> tuple[Verdict, bool]:
     """Velocity on the way home, and whether home is reached (within 0.7 m, slower than 0.5 m/s).
 
-    Climbs to the return height first, then flies home level; it never descends on the way.
+    Climbs to the return height first, then flies home level; it never descends on the way. The nose is turned home, and
+    the vehicle flies no faster than it faces the way: a camera that looks ahead sees where it goes.
+
+    Args:
+        ned_p_m: position from home, NED, m.
+        ned_v_m_s: velocity, NED, m/s.
+        yaw_rad: heading, rad; not finite when it is not known: no turn then.
+        config: speeds and heights.
     """
     distance = math.hypot(ned_p_m[0], ned_p_m[1])
     if distance < 0.7 and math.hypot(ned_v_m_s[0], ned_v_m_s[1]) < 0.5:
         return Verdict("helm", (0.0, 0.0, 0.0), 0.0, -1.0), True
     short_m = config.return_height_m + ned_p_m[2]
     down = -min(max(short_m, 0.0), config.containment.climb_m_s)
-    if short_m > 1.0 and distance > 3.0:
-        return Verdict("helm", (0.0, 0.0, down), 0.0, -1.0), False
-    speed = min(config.return_speed_m_s, 0.6 * distance)
+    far = distance > 3.0
+    off_rad = wrap_angle(math.atan2(-ned_p_m[1], -ned_p_m[0]) - yaw_rad) if far and math.isfinite(yaw_rad) else 0.0
+    turn = config.yaw_gain_1_s * off_rad
+    if short_m > 1.0 and far:
+        return Verdict("helm", (0.0, 0.0, down), turn, -1.0), False
+    speed = min(config.return_speed_m_s, 0.6 * distance) * max(math.cos(off_rad), _ASIDE_SHARE)
     scale = speed / distance if distance > 0.0 else 0.0
-    return Verdict("helm", (-ned_p_m[0] * scale, -ned_p_m[1] * scale, down), 0.0, -1.0), False
+    return Verdict("helm", (-ned_p_m[0] * scale, -ned_p_m[1] * scale, down), turn, -1.0), False

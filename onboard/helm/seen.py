@@ -34,6 +34,8 @@ class Seen:
     """Newest request of the operator."""
     pursuit: Candidate | None = None
     """Newest request of the chase."""
+    approach: Candidate | None = None
+    """Newest request of the approach."""
     around: Surroundings | None = NOTHING_KNOWN
     """Obstacles and sight; None where the vehicle must stand still."""
     track: TrackView | None = None

@@ -23,6 +23,8 @@ class State(StrEnum):
     """Hovering at an anchor."""
     PURSUIT = "pursuit"
     """Obeying the chase."""
+    APPROACH = "approach"
+    """Obeying the approach to a person or an obstacle."""
     OPERATOR = "operator"
     """Obeying the operator's stick."""
     RETURNING = "returning"
@@ -52,6 +54,7 @@ class Event(StrEnum):
     ENGAGE_FAILED = "control refused"
     HOLD = "hold"
     CHASE = "chase"
+    APPROACH = "approach"
     STICK = "operator moves the stick"
     STICK_RELEASED = "operator lets go"
     RETURN = "return"
@@ -69,7 +72,7 @@ class Event(StrEnum):
 
 _S, _E = State, Event
 
-_IN_CONTROL = (_S.HOLD, _S.PURSUIT, _S.OPERATOR, _S.RETURNING)
+_IN_CONTROL = (_S.HOLD, _S.PURSUIT, _S.APPROACH, _S.OPERATOR, _S.RETURNING)
 """States in which helm's setpoints fly the vehicle."""
 
 
@@ -86,14 +89,18 @@ def _table() -> dict[tuple[State, Event], State]:
         (_S.ENGAGING, _E.ENGAGED): _S.HOLD,
         (_S.ENGAGING, _E.ENGAGE_FAILED): _S.YIELDED,
         (_S.HOLD, _E.CHASE): _S.PURSUIT,
+        (_S.HOLD, _E.APPROACH): _S.APPROACH,
         (_S.HOLD, _E.STICK): _S.OPERATOR,
         (_S.PURSUIT, _E.STICK): _S.OPERATOR,
+        (_S.APPROACH, _E.STICK): _S.OPERATOR,
+        (_S.APPROACH, _E.TARGET_AWAY): _S.HOLD,
         (_S.PURSUIT, _E.TARGET_AWAY): _S.HOLD,
         (_S.PURSUIT, _E.LINK_LOST_RETURN): _S.RETURNING,
         (_S.PURSUIT, _E.LINK_LOST_LAND): _S.LANDING,
         (_S.PURSUIT, _E.LINK_LOST_HOVER): _S.HOLD,
         (_S.OPERATOR, _E.STICK_RELEASED): _S.HOLD,
         (_S.OPERATOR, _E.CHASE): _S.PURSUIT,
+        (_S.OPERATOR, _E.APPROACH): _S.APPROACH,
         (_S.RETURNING, _E.HOME_REACHED): _S.LANDING,
         (_S.RETURNING, _E.STICK): _S.OPERATOR,
         (_S.LANDING, _E.HOLD): _S.ENGAGING,

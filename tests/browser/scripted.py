@@ -18,10 +18,12 @@ from common.geometry.config import CameraConfig
 from common.geometry.rotation import as_quat, quat_from_euler
 from common.header import Received
 from common.messages import (
+    ApproachTarget,
     Command,
     Health,
     HelmStatus,
     Image,
+    LimiterStatus,
     Obstacle,
     Obstacles,
     PreflightItem,
@@ -84,6 +86,8 @@ class Script:
     moving: bool = True
     """Whether the car drives; else it stands in the middle."""
     obstacles: tuple[Obstacle, ...] = ()
+    limiter: LimiterStatus | None = None
+    approach: ApproachTarget | None = None
     replies: dict[str, Reply] = field(default_factory=dict)
     """Answer to each command; `done` where there is none."""
     delays_s: dict[str, float] = field(default_factory=dict)
@@ -151,6 +155,8 @@ class ScriptedVehicle:
                 self._state(t_s)
                 if tick % 4 == 0 and self.script.status:
                     self._status()
+                if tick % 2 == 0:
+                    self._surroundings()
             if tick % 20 == 1:
                 self._housekeeping()
 
@@ -233,6 +239,13 @@ class ScriptedVehicle:
                 preflight=s.preflight,
             ),
         )
+
+    def _surroundings(self) -> None:
+        s = self.script
+        if s.limiter is not None:
+            self._buses["helm"].publish("helm/limiter", s.limiter)
+        if s.approach is not None:
+            self._buses["helm"].publish("approach/target", s.approach)
         if s.obstacles:
             self._buses["world"].publish("obstacles/depth", Obstacles(obstacles=s.obstacles))
 

@@ -101,14 +101,14 @@ def test_every_command_is_asked_by_operators_and_answered_by_its_node(command: s
     node = command.split("/")[0]
     for side in SIDES:
         for identity in IDENTITIES[side]:
-            reached = side == "ground" or node == "helm"
+            reached = side == "ground" or node in IDENTITIES["onboard"]
             asks = command in allowed(side, identity, "ingress", "query")
             assert asks == (identity in OPERATORS and reached), identity
             for message in ("reply", "declare_queryable"):
                 assert (command in allowed(side, identity, "ingress", message)) == (identity == node), identity
-    assert (command in allowed("onboard", "link", "ingress", "query")) == (node == "helm")
+    assert (command in allowed("onboard", "link", "ingress", "query")) == (node in IDENTITIES["onboard"])
     assert not allowed("onboard", "link", "ingress", "reply"), "the ground answers nothing in the vehicle's name"
-    assert (command in allowed("ground", "link", "ingress", "reply")) == (node == "helm")
+    assert (command in allowed("ground", "link", "ingress", "reply")) == (node in IDENTITIES["onboard"])
 
 
 def test_every_process_on_the_bus_has_an_identity_on_its_side() -> None:

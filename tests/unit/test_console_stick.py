@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import socket
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,6 +20,7 @@ from ground.console.password import make_hash, write_hash
 from ground.console.server import open_server
 from ground.console.stick import Speeds, Stand, Stick, StickError, read_stand
 from ground.console.stick_link import StickLink
+from tests.machine import free_port
 
 MS = 1_000_000
 SPEEDS = Speeds(2.0, 0.7, 0.6)
@@ -146,9 +146,7 @@ PASSWORD = "two hands are one too many"
 @pytest.fixture
 def served(tmp_path: Path) -> Iterator[tuple[int, Stick]]:
     write_hash(tmp_path / "password", make_hash(PASSWORD))
-    with socket.socket() as s:
-        s.bind(("127.0.0.1", 0))
-        port = s.getsockname()[1]
+    port = free_port()
     stick = Stick()
     config = ConsoleConfig(host="0.0.0.0", port=port, password_file=str(tmp_path / "password"))
     server = open_server(config, "test", (StickLink(stick),))

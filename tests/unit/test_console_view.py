@@ -28,7 +28,7 @@ from ground.console.config import ConsoleConfig
 from ground.console.page import next_actions
 from ground.console.plot import ErrorHistory
 from ground.console.snapshot import PICTURE, STATE, STATUS, TRACK, Collector, Snapshot
-from ground.console.target import ground_point_m
+from ground.console.target import ground_point_m, point_on_ray
 
 CONFIG = ConsoleConfig()
 MS = 1_000_000
@@ -332,3 +332,11 @@ def test_state_of_a_picture_is_the_nearest_in_time() -> None:
     assert state is not None
     assert state.ned_p_m[0] == 500.0
     assert node.collector.state_at(5000 * MS) is None
+
+
+def test_a_click_means_the_obstacle_on_its_ray() -> None:
+    points = [np.array(p, float) for p in ((5.0, 0.1, -2.0), (5.0, 0.3, -2.0), (-5.0, 0.0, -2.0))]
+    eye, ahead = np.array([0.0, 0.0, -2.0]), np.array([2.0, 0.0, 0.0])
+    assert point_on_ray(points, eye, ahead) is points[0]
+    assert point_on_ray(points, eye, np.array([0.0, 1.0, 0.0])) is None
+    assert point_on_ray([], eye, ahead) is None

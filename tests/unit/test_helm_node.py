@@ -156,6 +156,20 @@ def test_the_operator_takes_over_and_lets_go_into_hold():
     assert desk.state == "hold"
 
 
+def test_the_way_home_is_flown_nose_first():
+    desk = Desk().fly().chase((2.0, 0.0, 0.0))
+    desk.go(8.0)
+    assert desk.vehicle.p[0] > 10.0
+    desk.call("return")
+    fast = []
+    while desk.vehicle.p[0] > 3.2:
+        desk.step()
+        if desk.vehicle.v[0] < -1.5:
+            fast.append(abs(math.remainder(desk.vehicle.yaw - math.pi, math.tau)))
+    assert len(fast) > 100
+    assert max(fast) < 0.75, "fast only where it looks"
+
+
 def test_the_operator_takes_over_on_the_way_home():
     desk = Desk().fly().chase((1.5, 0.0, 0.0))
     desk.go(6.0)
@@ -169,6 +183,44 @@ def test_the_operator_takes_over_on_the_way_home():
     desk.operator = None
     desk.go(0.5)
     assert desk.state == "hold"
+
+
+def test_an_approach_is_obeyed_until_its_target_is_away_for_long():
+    desk = Desk(containment={"chase_without_target_s": 4.0}).fly()
+    refused = desk.call("approach")
+    assert refused.answer and "choose one first" in refused.answer.reason
+    desk.approach = Request(frame="ned", vector=(0.8, 0.0, 0.0), yaw_rate_rad_s=0.2)
+    desk.go(1.0)
+    assert desk.state == "hold", "what nobody commanded is not obeyed"
+    done = desk.call("approach")
+    assert done.answer and done.answer.outcome == "done"
+    desk.go(2.0)
+    assert (desk.state, desk.setpoints[-1].source) == ("approach", "approach")
+    assert desk.vehicle.v[0] == pytest.approx(0.8, abs=0.1)
+    desk.approach = None
+    desk.go(0.5)
+    assert (desk.state, desk.setpoints[-1].source) == ("approach", "helm"), "without a request: hover"
+    assert "no fresh request from the approach" in desk.node.flight.machine.reason
+    assert desk.go(5.0, until="hold")
+    assert "nothing to approach" in desk.node.flight.machine.reason
+
+
+def test_the_stick_ends_an_approach_and_only_its_command_resumes_it():
+    desk = Desk().fly()
+    desk.approach = Request(frame="ned", vector=(0.8, 0.0, 0.0))
+    desk.step()
+    desk.call("approach")
+    desk.go(1.0)
+    desk.operator = Request(frame="heading", vector=(0.0, 0.5, 0.0))
+    desk.go(1.0)
+    assert (desk.state, desk.setpoints[-1].source) == ("operator", "operator")
+    desk.operator = None
+    desk.go(2.0)
+    assert desk.state == "hold"
+    assert _speed(desk) < 0.1
+    desk.call("approach")
+    desk.go(0.5)
+    assert desk.state == "approach"
 
 
 def test_a_stick_at_rest_does_not_end_a_chase():

@@ -1,0 +1,100 @@
+"""The limiter's ring and the approach in Chromium: what is near is to be seen, in the colour of its zone."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+
+from common.messages import SECTORS, ApproachTarget, LimiterStatus, Obstacle
+from ground.console.ring import ZONES
+from tests.browser.conftest import View, wait_for
+from tests.browser.scripted import ScriptedVehicle
+
+RANGE_M = 8.0
+
+
+def barrel(distance_m: float, zone: str, allowed_m_s: float, why: str) -> LimiterStatus:
+    """A barrel ahead of a vehicle that looks about north-east (0.5 rad), 79 degrees of view; the rest is unseen."""
+    sectors = []
+    for k in range(SECTORS):
+        off = math.remainder((k + 0.5) * math.radians(5.0) - 0.5, math.tau)
+        near = distance_m / math.cos(off) if abs(off) < math.atan(0.4 / distance_m) else RANGE_M
+        sectors.append(near if abs(off) < math.radians(39.0) else -1.0)
+    return LimiterStatus(
+        zone=zone,  # type: ignore[arg-type]
+        distance_m=distance_m,
+        ned_direction=(math.cos(0.5), math.sin(0.5), 0.0),
+        asked_m_s=2.1,
+        allowed_m_s=allowed_m_s,
+        why=why,  # type: ignore[arg-type]
+        source="obstacles/depth",
+        h_min_m=0.8,
+        h_desired_m=1.5,
+        h_mid_m=2.5,
+        h_max_m=6.0,
+        sectors_m=tuple(sectors),
+    )
+
+
+def hud_share(view: View, zone: str) -> float:
+    """Share of the drawing over the picture that has the colour of a zone, within what it is mixed with."""
+    # By its place: the element itself is replaced four times a second.
+    place = view.page.evaluate("() => document.querySelector('.hud svg').getBoundingClientRect().toJSON()")
+    shot = view.page.screenshot(clip={name: place[name] for name in ("x", "y", "width", "height")})  # type: ignore[arg-type]
+    pixels = cv2.imdecode(np.frombuffer(shot, np.uint8), cv2.IMREAD_COLOR)
+    assert pixels is not None
+    mixed = 0.75 * np.array(ZONES[zone][::-1]) + 0.25 * np.array((23, 17, 13))
+    return float((np.abs(pixels.astype(int) - mixed).max(axis=2) < 40).mean())
+
+
+def scene_share(view: View, zone: str) -> float:
+    """Share of the 3-D view in the colour of a zone's arcs."""
+    pixels = view.pixels().astype(int)
+    return float((np.abs(pixels - np.array(ZONES[zone][::-1])).max(axis=2) < 45).mean())
+
+
+def test_the_ring_has_the_colour_of_the_zone(view: View, vehicle: ScriptedVehicle) -> None:
+    assert view.page.locator(".hud").count() == 0, "no ring before anything is known of obstacles"
+    vehicle.script.limiter = barrel(4.0, "warning", 1.4, "curve")
+    view.wait_text("asked 2.1, allowed 1.4 m/s")
+    view.wait_text("slows down: the curve")
+    assert hud_share(view, "warning") > 0.001
+    assert hud_share(view, "safe") > 0.02, "what is free beside it"
+    assert hud_share(view, "collision") < 0.0003
+    view.button("Show 3-D view")
+    wait_for(lambda: scene_share(view, "safe") > 0.001, what="the ring in the 3-D view")
+    for distance_m, zone, allowed_m_s, why, words in (
+        (1.55, "transition", 0.05, "bound", "what can be braked"),
+        (0.7, "collision", 0.0, "push-back", "backs away"),
+    ):
+        vehicle.script.limiter = barrel(distance_m, zone, allowed_m_s, why)
+        view.wait_text(words)
+        wait_for(lambda z=zone: scene_share(view, z) > 0.0003, what=f"the colour of {zone} in the 3-D view")
+        assert hud_share(view, zone) > 0.0005, zone
+    vehicle.script.limiter = None
+    wait_for(lambda: view.page.locator(".hud").count() == 0, what="the ring gone with the limiter's words")
+
+
+def test_the_approach_is_chosen_by_name_and_ends_at_a_refusal(view: View, vehicle: ScriptedVehicle) -> None:
+    vehicle.script.obstacles = (
+        Obstacle(distance_m=4.2, ned_direction=(1.0, 0.0, 0.0), label="person 3"),
+        Obstacle(distance_m=5.0, ned_direction=(0.0, 1.0, 0.0)),
+    )
+    view.button("Approach")
+    wait_for(lambda: len(vehicle.commands) >= 2, what="the commands of Approach")
+    assert [name for name, _ in vehicle.commands] == ["approach/do/select", "helm/do/approach"]
+    assert vehicle.commands[0][1].label == "", "nothing chosen: the nearest ahead"
+
+    vehicle.commands.clear()
+    view.page.get_by_label("Approach what").click()
+    view.page.get_by_role("option", name="person 3").click()
+    view.button("Approach")
+    wait_for(lambda: len(vehicle.commands) >= 2, what="the commands of Approach")
+    assert vehicle.commands[0][1].label == "person 3"
+
+    vehicle.script.approach = ApproachTarget(
+        state="tracking", label="person 3", ned_p_m=(6.2, 1.0, -5.0), distance_m=4.2, goal_m=1.5
+    )
+    view.wait_text("4.2 m, to 1.5 m")
