@@ -23,7 +23,7 @@ from common.header import Header, InputRef
 from common.messages import Image, Request
 from common.processes import load_config
 from common.session import BusConfig
-from simulation.demo.mission import Mission
+from simulation.demo.mission import ChaseMission
 from simulation.demo.run import Sides
 
 log = logging.getLogger(__name__)
@@ -137,7 +137,7 @@ def run(settings: Settings) -> Outcome:
     sides = Sides(arguments, headless=True)
     try:
         with Bus(bus_config, "ground", "bench", wait_s=30.0) as bus:
-            mission = Mission(bus, threading.Event(), duration_s)
+            mission = ChaseMission(bus, threading.Event(), duration_s)
             bare = _bare_transport_ms(
                 msgspec.structs.replace(bus_config, vehicle="bench"), 20 if settings.quick else 100
             )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ground.console.config import ConsoleConfig
-from ground.console.snapshot import STATE, STATUS, Snapshot
+from ground.console.snapshot import APPROACH, STATE, STATUS, Snapshot
 
 Level = Literal["danger", "warning", "notice"]
 _ORDER: dict[Level, int] = {"danger": 0, "warning": 1, "notice": 2}
@@ -39,6 +39,7 @@ def alarms(view: Snapshot, config: ConsoleConfig) -> list[Alarm]:
         *_picture(view, config),
         *_nodes(view, config),
         *_target(view),
+        *_approach(view),
         *_ground(view),
     ]
     return sorted(found, key=lambda alarm: _ORDER[alarm.level])
@@ -150,6 +151,16 @@ def _target(view: Snapshot) -> Iterator[Alarm]:
         yield Alarm("warning", f"Target lost{since}", "Draw a box around it, or press Hold.")
     elif view.track.state == "idle":
         yield Alarm("warning", "The chase has no target", "Draw a box around it, or press Hold.")
+
+
+def _approach(view: Snapshot) -> Iterator[Alarm]:
+    status, target = view.status, view.approach
+    if status is None or not view.fresh(STATUS) or status.state != "approach":
+        return
+    if target is None or not view.fresh(APPROACH):
+        yield Alarm("warning", "No word from the approach", "Helm hovers. Press Hold; it should come back by itself.")
+    elif target.state != "tracking":
+        yield Alarm("warning", f"Nothing to approach: {target.reason}", "Helm hovers. Select it again, or press Hold.")
 
 
 def _ground(view: Snapshot) -> Iterator[Alarm]:

@@ -95,6 +95,10 @@ class Pilot:
         else:
             intended = wanted = self._led_to(verdict.ned_a_m_s2, verdict.ned_v_m_s[2], position.ned_v_m_s)
         limited = self._limit(contain(wanted, ned_p_m, bounds), intended, telemetry, around, dt_s)
+        # Only what was asked of the climb goes on from here: the way to the held height, or over what is in the way, is
+        # no request to climb. Taken for one it would move the held height, and the vehicle would rise for ever.
+        north, east, down = self._last_v
+        self._last_v = (north, east, min(max(down, min(wanted[2], 0.0)), max(wanted[2], 0.0)))
         yaw_rate = self._turn(verdict.yaw_rate_rad_s, attitude.yaw_rad, dt_s)
         home_z = telemetry.home_local_m[2] if telemetry.home_local_m else 0.0
         north, east, down = limited.ned_v_m_s

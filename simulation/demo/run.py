@@ -11,15 +11,19 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 from common.bus import Bus
 from common.config import ConfigError
 from common.launch import stop_on_signals
 from common.processes import load_config
 from common.session import BusConfig, RouterAbsent
-from simulation.demo.mission import Mission, MissionFailed
+from simulation.demo.approach import ApproachMission
+from simulation.demo.mission import ChaseMission
+from simulation.demo.operator import MissionFailed
 from simulation.demo.report import Criteria
 
 log = logging.getLogger(__name__)
@@ -84,6 +88,29 @@ def _end_with_parent() -> None:
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
+@dataclass(frozen=True)
+class Show:
+    """What a scenario is flown with."""
+
+    vehicle: str
+    """Vehicle file."""
+    mission: Callable[[Bus, threading.Event, argparse.Namespace], ChaseMission | ApproachMission]
+    """Makes the mission from a session, the order to stop and the command line."""
+
+
+def _approach(bus: Bus, stop: threading.Event, args: argparse.Namespace) -> ApproachMission:
+    return ApproachMission(bus, stop, args.duration or 0.0 if args.headless else args.duration)
+
+
+_CHASE = Show("kite", lambda bus, stop, args: ChaseMission(bus, stop, args.duration))
+_SHOWS: Mapping[str, Show] = MappingProxyType({"approach": Show("heron", _approach)})
+"""Scenarios that are no chase, by the name of their file."""
+
+
+def _show(args: argparse.Namespace) -> Show:
+    return _SHOWS.get(Path(args.scenario).stem, _CHASE)
+
+
 def _arguments(args: argparse.Namespace) -> list[str]:
     overrides = [*args.overrides, f"world.scenario={args.scenario}"]
     if args.seed is not None:
@@ -103,13 +130,15 @@ def _external(args: argparse.Namespace) -> dict[str, list[str]]:
 
 
 def main(args: argparse.Namespace) -> int:
-    """Run the demonstration; returns 0 when the chase held, 1 when not, 4 when the machine was too slow to tell.
+    """Run the demonstration; returns 0 when the mission went well, 1 when not, 4 when the machine was too slow to tell.
 
     Raises:
         ConfigError: the configuration is refused.
     """
     if args.duration is not None and args.duration <= 0:
         raise ConfigError(f"--duration: got {args.duration:g}, expected seconds above 0")
+    show = _show(args)
+    args.config = args.config or show.vehicle
     arguments = _arguments(args)
     config = load_config(args.config, args.overrides)
     stop, _ = stop_on_signals()
@@ -118,7 +147,7 @@ def main(args: argparse.Namespace) -> int:
     watcher.start()
     try:
         with Bus(config.section(BusConfig), "ground", "demo", wait_s=30.0, stop=stop) as bus:
-            mission = Mission(bus, stop, args.duration)
+            mission = show.mission(bus, stop, args)
             try:
                 mission.fly()
             except MissionFailed as failure:
@@ -141,14 +170,16 @@ def _watch(sides: Sides, stop: threading.Event) -> None:
             stop.set()
 
 
-def _judge(mission: Mission, args: argparse.Namespace) -> int:
+def _judge(mission: ChaseMission | ApproachMission, args: argparse.Namespace) -> int:
     criteria = Criteria()
-    faults = mission.recorder.faults(criteria)
-    figures = mission.recorder.summary() | {"world_late_fraction": mission.late_fraction}
+    figures, faults = mission.judge(criteria)
+    figures = figures | {"world_late_fraction": mission.late_fraction}
     too_slow = mission.late_fraction > criteria.late_fraction
-    if args.duration is not None and not mission.completed:
-        faults.append(f"ended before the {args.duration:g} s were over")
-    verdict = "machine too slow to judge" if too_slow else "chase held" if not faults else "chase did not hold"
+    to_its_end = args.duration is not None or (args.headless and isinstance(mission, ApproachMission))
+    if to_its_end and not mission.completed:
+        faults.append("ended before the mission was over")
+    held, not_held = mission.goal
+    verdict = "machine too slow to judge" if too_slow else held if not faults else not_held
     if args.report:
         Path(args.report).write_text(
             json.dumps(
@@ -168,7 +199,7 @@ def _judge(mission: Mission, args: argparse.Namespace) -> int:
     for name, value in figures.items():
         print(f"{name:24} {value:.3f}")
     print(verdict + (": " + "; ".join(faults) if faults else ""))
-    if args.duration is None:
+    if not to_its_end:
         return 0  # ended by the operator: the figures are for information
     if too_slow:
         return EXIT_TOO_SLOW

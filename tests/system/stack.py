@@ -61,6 +61,7 @@ class Stack:
         overrides: `section.key=value` texts on top of the ports.
         environment: additional environment variables.
         external: another autopilot than the simulated one.
+        vehicle: vehicle file.
     """
 
     def __init__(
@@ -69,8 +70,10 @@ class Stack:
         overrides: Iterable[str] = (),
         environment: dict[str, str] | None = None,
         external: External | None = None,
+        vehicle: str = "kite",
     ):
         self.folder = folder
+        self._vehicle = vehicle
         tcp, udp = free_ports(3), free_ports(6)
         self.onboard_port, self.ground_port, self.console_port = tcp
         (
@@ -96,7 +99,7 @@ class Stack:
         self._environment = {**os.environ, **(environment or {})}
         self.sides: dict[str, subprocess.Popen] = {}
         self._buses: list[Bus] = []
-        self.config = load_config("kite", self.settings)
+        self.config = load_config(vehicle, self.settings)
 
     def _own_autopilot(self) -> list[str]:
         """Settings that put the simulated autopilot and what listens to it on ports of their own."""
@@ -114,7 +117,7 @@ class Stack:
 
     def arguments(self) -> list[str]:
         """Command-line arguments that every process needs."""
-        return ["--config", "kite", *(part for text in self.settings for part in ("--set", text))]
+        return ["--config", self._vehicle, *(part for text in self.settings for part in ("--set", text))]
 
     def start(self, side: str, *extra: str) -> subprocess.Popen:
         """Start a side (`sim`, `onboard`, `ground`), or one process (`node`)."""

@@ -13,21 +13,33 @@ from common.config import Config, ConfigError, build
 from common.geometry.config import CameraConfig
 from common.geometry.rotation import as_quat, quat_from_euler
 from common.messages import (
+    SECTORS,
+    ApproachTarget,
     Health,
     HelmStatus,
     Image,
+    LimiterStatus,
     PreflightItem,
     Session,
     Track,
     VehicleState,
 )
 from common.node import Inputs, Node, On, ScriptedRun
+from ground.console import ring
 from ground.console.alarms import alarms
-from ground.console.cards import alarms_html, checks_html, flight_html, headline_html, nodes_html, target_html
+from ground.console.cards import (
+    alarms_html,
+    approach_html,
+    checks_html,
+    flight_html,
+    headline_html,
+    nodes_html,
+    target_html,
+)
 from ground.console.config import ConsoleConfig
 from ground.console.page import next_actions
 from ground.console.plot import ErrorHistory
-from ground.console.snapshot import PICTURE, STATE, STATUS, TRACK, Collector, Snapshot
+from ground.console.snapshot import APPROACH, PICTURE, STATE, STATUS, TRACK, Collector, Snapshot
 from ground.console.target import ground_point_m, point_on_ray
 
 CONFIG = ConsoleConfig()
@@ -340,3 +352,69 @@ def test_a_click_means_the_obstacle_on_its_ray() -> None:
     assert point_on_ray(points, eye, ahead) is points[0]
     assert point_on_ray(points, eye, np.array([0.0, 1.0, 0.0])) is None
     assert point_on_ray([], eye, ahead) is None
+
+
+def test_an_approach_without_its_thing_is_an_alarm() -> None:
+    approaching = status(state="approach")
+    lost = ApproachTarget(state="lost", label="person 3", distance_m=4.0, goal_m=1.5, reason="not seen for 0.8 s")
+    ages = {APPROACH: 50.0}
+    assert not alarms(snapshot(approach=lost, ages=ages), CONFIG), "helm holds: nobody approaches"
+    found = alarms(snapshot(status=approaching, approach=lost, ages=ages), CONFIG)
+    assert [(a.level, a.title) for a in found] == [("warning", "Nothing to approach: not seen for 0.8 s")]
+    assert [a.title for a in alarms(snapshot(status=approaching), CONFIG)] == ["No word from the approach"]
+    seen = msgspec.structs.replace(lost, state="tracking", reason="")
+    assert not alarms(snapshot(status=approaching, approach=seen, ages=ages), CONFIG)
+    assert "4.0 m, to 1.5 m" in approach_html(snapshot(approach=seen, ages=ages))
+
+
+def limiter_status(**changes: object) -> LimiterStatus:
+    """A limiter that sees 8 m in a quarter to the north-east and nothing elsewhere, but for the changes."""
+    free = LimiterStatus(
+        zone="safe",
+        distance_m=-1.0,
+        ned_direction=(0.0, 0.0, 0.0),
+        asked_m_s=1.0,
+        allowed_m_s=1.0,
+        why="clear",
+        h_min_m=0.8,
+        h_desired_m=1.5,
+        h_mid_m=2.5,
+        h_max_m=6.0,
+        sectors_m=tuple(8.0 if k < 18 else -1.0 for k in range(SECTORS)),
+    )
+    return msgspec.structs.replace(free, **changes)
+
+
+def test_each_sector_of_the_ring_lies_at_its_distance_in_the_colour_of_its_zone() -> None:
+    near = limiter_status(
+        zone="collision",
+        distance_m=0.7,
+        ned_direction=(0.0, 1.0, 0.0),
+        sectors_m=(0.7, 2.0, 4.0, 8.0, *(-1.0 for _ in range(SECTORS - 4))),
+    )
+    assert [ring.zone_of(d, near) for d in near.sectors_m[:5]] == [
+        "collision",
+        "transition",
+        "warning",
+        "safe",
+        "blind",
+    ]
+    segments, colours = ring.arcs(near)
+    assert segments.shape == colours.shape == (2 * SECTORS, 2, 3)
+    radii = np.linalg.norm(segments[:, 0], axis=1)
+    assert radii[[0, 2, 4, 6]] == pytest.approx([0.7, 2.0, 4.0, 6.36], abs=1e-3), "what is free: just outside h_max"
+    assert segments[0, 0] == pytest.approx((0.7, 0.0, 0.0)), "from north"
+    assert segments[2, 0] == pytest.approx((2.0 * np.cos(np.radians(5)), 2.0 * np.sin(np.radians(5)), 0.0)), "clockwise"
+    filled = ring.wedge(near, "collision")
+    assert len(ring.wedge_faces()) == 2 * SECTORS and ring.wedge_faces().max() < len(filled)
+    assert np.linalg.norm(filled, axis=1).max() == pytest.approx(0.7), "the other zones' sectors collapse"
+    east = ring.nearest_m(near)
+    assert east is not None and east == pytest.approx((0.0, 0.7, 0.0))
+
+
+def test_the_ring_over_the_picture_says_what_is_slowed_and_why() -> None:
+    html = ring.hud_html(limiter_status(asked_m_s=2.1, allowed_m_s=0.4, why="bound", label="<b>"), 1.0)
+    assert "rotate(-57.3)" in html, "the nose is up"
+    assert "asked 2.1, allowed 0.4 m/s" in html and "what can be braked" in html and "<b>&" not in html
+    assert not ring.knows_something(limiter_status(sectors_m=(-1.0,) * SECTORS)), "no sensor, no ring"
+    assert ring.knows_something(limiter_status(sectors_m=(-1.0,) * SECTORS, why="no data"))

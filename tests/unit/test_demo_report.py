@@ -11,6 +11,7 @@ from common.codec import schema_hash
 from common.header import Header, InputRef, Received
 from common.messages import HelmStatus, Message, Setpoint, Track
 from common.truth import Truth
+from simulation.demo.approach import faults as approach_faults
 from simulation.demo.mission import box_of_corners
 from simulation.demo.report import REQUEST, ChaseRecorder, Criteria
 
@@ -133,3 +134,19 @@ def test_box_is_the_car_s_rectangle_with_its_long_side_along_the_heading(heading
     assert (x + width / 2, y + height / 2) == pytest.approx((320, 240), abs=0.5)
     assert (width, height) == pytest.approx((40, 80), abs=0.5)
     assert math.remainder(found - angle, 2 * math.pi) == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("figures", "words"),
+    [
+        ({"closest_m": 1.2, "stick_stop_m": 1.3, "approach_m": 1.5}, []),
+        ({"closest_m": 0.7, "stick_stop_m": 1.3, "approach_m": 1.5}, ["came to 0.70 m of barrel 1, expected 0.8"]),
+        ({"closest_m": 4.0, "stick_stop_m": 4.0, "approach_m": 1.5}, ["stick_stop_m 4.00, expected 2 or less"]),
+        ({"closest_m": 1.2, "stick_stop_m": 1.3}, ["approach_m nan"]),
+        ({"closest_m": math.nan}, ["came to nan", "stick_stop_m nan", "approach_m nan"]),
+    ],
+)
+def test_an_approach_is_judged_by_where_it_stopped(figures: dict[str, float], words: list[str]) -> None:
+    found = approach_faults(figures, "barrel 1", 0.8, 1.5)
+    assert len(found) == len(words)
+    assert all(word in fault for word, fault in zip(words, found, strict=True))
