@@ -1,0 +1,175 @@
+"""The pilot pushes, the limiter stops: one flight before a barrel, judged by the true distances.
+
+Nothing of what is judged comes from the vehicle: the world measures how far every surface is from its centre.
+"""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from common.header import Received
+from common.messages import Request, VehicleState
+from common.truth import Truth
+from onboard.limiter.config import LimiterConfig
+from tests.system.stack import Flight, Seen, Stack
+
+pytestmark = pytest.mark.own_autopilot
+
+FULL_M_S = 2.1
+HEIGHT_M = 1.6
+NEAR_M = 0.45
+"""So far beyond h_desired a stop still is one before the obstacle, m."""
+FREEZE_AT_M, FREEZE_S = 4.0, 5.0
+SCENARIO = f"""
+seed = 11
+
+[ground]
+kind = "gravel"
+trees = 0
+houses = 0
+road = false
+
+[car]
+north_m = -12.0
+east_m = 12.0
+
+[[barrels]]
+north_m = 8.6
+east_m = 0.0
+radius_m = 1.0
+height_m = 3.0
+
+[depth]
+noise_m = 0.004
+noise_per_m = 0.0008
+flying = 0.3
+edge_holes = 0.2
+holes = 0.03
+
+[[depth_faults]]
+kind = "frozen"
+within_m = {FREEZE_AT_M}
+for_s = {FREEZE_S}
+"""
+
+
+@dataclass(frozen=True)
+class Leg:
+    """What a push of the stick came to."""
+
+    truths: list[Truth]
+    """The world's truth while it lasted and just after."""
+
+    def closest_m(self, kind: str = "") -> float:
+        """Least true distance to a thing of a kind, m."""
+        return min(o.distance_m for t in self.truths for o in t.obstacles if o.label.startswith(kind))
+
+    def last_m(self, kind: str) -> list[float]:
+        """True distances at its end to the things of a kind, m."""
+        return [o.distance_m for o in self.truths[-1].obstacles if o.label.startswith(kind)]
+
+    def speeds_m_s(self) -> list[float]:
+        """Horizontal speeds, m/s."""
+        return [math.hypot(*t.ned_v_m_s[:2]) for t in self.truths]
+
+
+class Pilot:
+    """A hand on the stick, and the world's own measure of where the vehicle is."""
+
+    def __init__(self, flight: Flight):
+        self.flight = flight
+        self.state = Seen(flight.bus, "helm/state")
+        self.limiter = Seen(flight.bus, "helm/limiter")
+        self.law = flight.stack.config.section(LimiterConfig)
+
+    def push(
+        self,
+        forward_m_s: float,
+        limit_s: float,
+        until: Callable[[float], bool] = lambda held_s: False,
+    ) -> Leg:
+        """Hold the stick for a time, or until a condition on the time it has been held; then let go."""
+        start_ns = time.monotonic_ns()
+        while (held_s := (time.monotonic_ns() - start_ns) / 1e9) < limit_s and not until(held_s):
+            self._ask(Request(frame="heading", vector=(forward_m_s, 0.0, 0.0)))
+            time.sleep(0.05)
+        self._ask(Request(frame="heading", vector=(0.0, 0.0, 0.0)))
+        return Leg([r.message for r in self.flight.truth.since(start_ns)])
+
+    def _ask(self, request: Request) -> None:
+        newest: Received[VehicleState] = self.state.all[-1]
+        self.flight.bus.publish("helm/request/operator", request, newest.header.capture_ns)
+
+
+@pytest.fixture(scope="module")
+def pilot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Pilot]:
+    """A heron that hovers before the barrel, with all that flies it."""
+    folder = tmp_path_factory.mktemp("limiter")
+    scenario: Path = folder / "places.toml"
+    scenario.write_text(SCENARIO)
+    stack = Stack(folder, (f"world.scenario={scenario}",), vehicle="heron")
+    try:
+        stack.start("onboard")
+        stack.start("sim")
+        stack.start("ground", "--without", "console", "--without", "pursuit", "--without", "recorder")
+        flight = Flight(stack)
+        pilot = Pilot(flight)
+        flight.take_off(HEIGHT_M)
+        flight.wait("sight", lambda: pilot.limiter.last is not None and max(pilot.limiter.last.sectors_m) > 0.0, 5)
+        yield pilot
+        flight.check_machine()
+    finally:
+        stack.end()
+
+
+def test_the_depth_camera_freezes_on_the_way_to_a_barrel(pilot: Pilot) -> None:
+    """Also the plain barrel: the picture thaws while the stick is still held forward."""
+    start_ns = time.monotonic_ns()
+    leg = pilot.push(FULL_M_S, FREEZE_S + 4.5)
+    assert max(leg.speeds_m_s()) > 1.3, "it never flew"
+    frozen_m = min(t.obstacles[0].distance_m for t in leg.truths[: int(20 * (FREEZE_S + 2.0))])
+    print(f"frozen at {FREEZE_AT_M} m: stood at {frozen_m:.2f} m; thawed: {leg.last_m('barrel')[0]:.2f} m")
+    assert leg.closest_m() >= pilot.law.h_min_m
+    assert leg.last_m("barrel")[0] <= pilot.law.h_desired_m + NEAR_M, "it stands before the barrel, not somewhere"
+    told = [r.message for r in pilot.limiter.since(start_ns)]
+    assert {"blind", "no data"} & {s.why for s in told}, "the limiter noticed"
+    assert {"warning", "transition"} <= {s.zone for s in told}
+
+
+def test_backwards_off_the_sensors_view(pilot: Pilot) -> None:
+    """From the command line, which holds the same stick."""
+    start_ns = time.monotonic_ns()
+    words = ["do", "stick", f"--forward={-FULL_M_S}", "--for", "5", *pilot.flight.stack.arguments()]
+    held = subprocess.run([sys.executable, "-m", "common.cli", *words], capture_output=True, text=True, timeout=30)
+    assert (held.returncode, held.stdout) == (0, "stick: done: held for 5 s\n"), held
+    leg = Leg([r.message for r in pilot.flight.truth.since(start_ns)])
+    print(f"backwards: {max(leg.speeds_m_s()):.2f} m/s")
+    assert leg.closest_m() >= pilot.law.h_min_m
+    assert max(leg.speeds_m_s()) <= pilot.law.unseen_speed_m_s + 0.25, "no faster than the unseen allows"
+    assert leg.last_m("barrel")[0] > pilot.law.h_desired_m + 1.0, "it moves"
+    assert "blind" in {r.message.why for r in pilot.limiter.since(start_ns)}
+
+
+def test_the_node_that_supplies_obstacles_is_killed_on_approach(pilot: Pilot) -> None:
+    flight, killed = pilot.flight, []
+
+    def hold(held_s: float) -> bool:
+        barrel_m = next(o.distance_m for o in flight.truth.last.obstacles if o.label == "barrel 1")
+        if not killed and (barrel_m < 2.9 and flight.speed_m_s > 0.5):
+            killed.append(flight.stack.kill("proximity"))
+        return False
+
+    leg = pilot.push(FULL_M_S, 8.0, until=hold)
+    assert killed, "it never came near enough"
+    print(f"proximity killed: {leg.closest_m():.2f} m, then {leg.last_m('barrel')[0]:.2f} m")
+    assert flight.stack.pid("proximity") not in (None, killed[0]), "the supervisor brought it back"
+    assert leg.closest_m() >= pilot.law.h_min_m
+    assert leg.last_m("barrel")[0] <= pilot.law.h_desired_m + NEAR_M
