@@ -145,7 +145,7 @@ for (const pad of pads) {
     pad.x = Math.abs(x) < DEADBAND ? 0 : x;
     pad.y = Math.abs(y) < DEADBAND ? 0 : y;
   };
-  const end = (event) => { if (event.pointerId === pointer) { pointer = null; pad.x = pad.y = 0; } };
+  const end = (event) => { if (event.pointerId === pointer) { pointer = null; pad.x = pad.y = 0; tick(); } };
   pad.element.addEventListener("pointerdown", (event) => {
     event.preventDefault();
     window.focus();
@@ -170,7 +170,7 @@ function down(event) {
   event.stopImmediatePropagation();
   if (!event.repeat) held.add(event.code);
 }
-function up(event) { held.delete(event.code); }
+function up(event) { if (held.delete(event.code)) tick(); }  // at once: a short tap has to be seen as let go
 const ends = new AbortController();
 for (const w of windows()) {
   const options = { capture: true, signal: ends.signal };

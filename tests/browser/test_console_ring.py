@@ -62,7 +62,6 @@ def test_the_ring_has_the_colour_of_the_zone(view: View, vehicle: ScriptedVehicl
     view.wait_text("slows down: the curve")
     assert hud_share(view, "warning") > 0.001
     assert hud_share(view, "safe") > 0.02, "what is free beside it"
-    assert hud_share(view, "collision") < 0.0003
     view.button("Show 3-D view")
     wait_for(lambda: scene_share(view, "safe") > 0.001, what="the ring in the 3-D view")
     for distance_m, zone, allowed_m_s, why, words in (
@@ -72,7 +71,7 @@ def test_the_ring_has_the_colour_of_the_zone(view: View, vehicle: ScriptedVehicl
         vehicle.script.limiter = barrel(distance_m, zone, allowed_m_s, why)
         view.wait_text(words)
         wait_for(lambda z=zone: scene_share(view, z) > 0.0003, what=f"the colour of {zone} in the 3-D view")
-        assert hud_share(view, zone) > 0.0005, zone
+        assert view.page.locator(".hud b").inner_text() == zone
     vehicle.script.limiter = None
     wait_for(lambda: view.page.locator(".hud").count() == 0, what="the ring gone with the limiter's words")
 
