@@ -17,7 +17,13 @@ def add(sub: argparse._SubParsersAction) -> argparse.ArgumentParser:
         "(0 to 1), state (tracking, lost, reacquired).",
     )
     track.add_argument("source", metavar="SOURCE", help="video file or image folder")
-    track.add_argument("--tracker", metavar="NAME", default="pursuit", help="which tracker (default: pursuit)")
+    which = track.add_mutually_exclusive_group()
+    which.add_argument(
+        "--tracker", metavar="NAME", default="pursuit", help="pursuit, dsst, mil or hab-df (default: pursuit)"
+    )
+    which.add_argument(
+        "--all", action="store_true", dest="side_by_side", help="each member of hab-df alone, and hab-df, side by side"
+    )
     begin = track.add_mutually_exclusive_group(required=True)
     begin.add_argument("--init", metavar="X,Y,W,H", help="the target's box in the first picture, px")
     begin.add_argument("--model", metavar="IMAGE", help="a picture of the target, which it fills; it is searched for")
@@ -42,4 +48,8 @@ def run(args: argparse.Namespace, config: Config) -> int:
         rate_hz=args.rate,
         seed=args.seed,
     )
+    if args.side_by_side:
+        from common import track_side_by_side
+
+        return track_side_by_side.run(job, config, args.out, args.video)
     return track_tool.run(job, config, args.out, args.video)

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from common.config import Config, ConfigError
-from common.tracking.base import Box, SearchingTracker, Tracker, TrackResult
+from common.tracking.base import Box, SearchingTracker, Tracker, TrackResult, upright_box
 from common.tracking.model_picture import read_model
 from common.tracking.registry import TRACKERS, make_tracker, tracker_class
 from common.video import FileSource
@@ -77,18 +77,6 @@ class Row:
             place = [f"{value:.2f}" for value in (*self.box, math.degrees(self.result.angle_rad))]
         score = 0.0 if self.result is None else self.result.score
         return [str(self.frame), *place, f"{score:.4f}", self.state]
-
-
-def upright_box(result: TrackResult) -> Box:
-    """Upright box around the ellipse in the target's rectangle: x, y, width, height, px.
-
-    The tracker weighs pixels by that ellipse. The box around the rectangle itself would grow by half of a tall
-    target's width for 15 degrees of doubt.
-    """
-    (x, y), (width, height) = result.center_px, result.size_px
-    cosine, sine = math.cos(result.angle_rad), math.sin(result.angle_rad)
-    across, down = math.hypot(width * cosine, height * sine), math.hypot(width * sine, height * cosine)
-    return x - across / 2, y - down / 2, across, down
 
 
 def parse_box(text: str) -> Box:
@@ -201,8 +189,8 @@ def run(job: TrackJob, config: Config, out: str | None, video: str | None) -> in
     counts: dict[str, int] = dict.fromkeys(_COLOURS, 0)
     with ExitStack() as stack:
         stack.callback(source.close)
-        sink = stack.enter_context(_opened(out)) if out else sys.stdout
-        film = _Film(video, source, job.rate_hz) if video else None
+        sink = stack.enter_context(opened(out)) if out else sys.stdout
+        film = Film(video, source, job.rate_hz) if video else None
         if film is not None:
             stack.callback(film.close)
         writer = csv.writer(sink, lineterminator="\n")
@@ -212,8 +200,8 @@ def run(job: TrackJob, config: Config, out: str | None, video: str | None) -> in
             counts[row.state] += 1
             if film is not None and frame is not None:
                 film.write(draw(frame, row))
-            _progress(row.frame + 1, source.count)
-    _progress(None, None)
+            progress(row.frame + 1, source.count)
+    progress(None, None)
     total = sum(counts.values())
     print(
         f"{total} pictures: target seen in {total - counts['lost']}, lost in {counts['lost']}, "
@@ -223,15 +211,29 @@ def run(job: TrackJob, config: Config, out: str | None, video: str | None) -> in
     return 0
 
 
-def _opened(out: str) -> TextIO:
+def opened(out: str) -> TextIO:
+    """The file to write the CSV to.
+
+    Raises:
+        ConfigError: it cannot be written.
+    """
     try:
         return Path(out).open("w", encoding="utf-8", newline="")
     except OSError as error:
         raise ConfigError(f"--out: cannot write {out!r}: {error.strerror}") from None
 
 
-class _Film:
-    """The drawn pictures as a video file."""
+class Film:
+    """The drawn pictures as a video file.
+
+    Args:
+        path: of the file.
+        source: of the pictures.
+        rate_hz: pictures a second; None takes the source's own.
+
+    Raises:
+        ConfigError: it cannot be written.
+    """
 
     def __init__(self, path: str, source: FileSource, rate_hz: float | None):
         code = cv2.VideoWriter.fourcc(*("MJPG" if path.lower().endswith(".avi") else "mp4v"))
@@ -241,13 +243,15 @@ class _Film:
             raise ConfigError(f"--video: cannot write {path!r}; expected a path ending in .mp4 or .avi in a folder")
 
     def write(self, frame: np.ndarray) -> None:
+        """Append a picture, (H, W, 3)."""
         self._writer.write(frame)
 
     def close(self) -> None:
+        """End the file."""
         self._writer.release()
 
 
-def _progress(done: int | None, total: int | None) -> None:
+def progress(done: int | None, total: int | None) -> None:
     """One line on a terminal, rewritten; nothing into a file."""
     if not sys.stderr.isatty():
         return

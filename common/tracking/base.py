@@ -55,6 +55,18 @@ class TrackResult:
         return shared / (self.size_px[0] * self.size_px[1] + box[2] * box[3] - shared)
 
 
+def upright_box(result: TrackResult) -> Box:
+    """Upright box around the ellipse in the target's rectangle: x, y, width, height, px.
+
+    The tracker weighs pixels by that ellipse. The box around the rectangle itself would grow by half of a tall
+    target's width for 15 degrees of doubt.
+    """
+    (x, y), (width, height) = result.center_px, result.size_px
+    cosine, sine = math.cos(result.angle_rad), math.sin(result.angle_rad)
+    across, down = math.hypot(width * cosine, height * sine), math.hypot(width * sine, height * cosine)
+    return x - across / 2, y - down / 2, across, down
+
+
 @dataclass(frozen=True)
 class Expectation:
     """Where the next picture should show the target, from a motion model outside the picture."""
@@ -125,6 +137,19 @@ class SearchingTracker(Tracker, Protocol):
 
         Raises:
             ValueError: another size or type of picture, or a tracker that was never shown its target.
+        """
+        ...
+
+
+@runtime_checkable
+class Placeable(Tracker, Protocol):
+    """A tracker that can be moved to where somebody else has found its target, and keeps what it has learned."""
+
+    def place(self, frame: np.ndarray, box: Box) -> None:
+        """Go on from a box in this picture, (H, W, 3) uint8 BGR, without learning anything from it.
+
+        Raises:
+            ValueError: a tracker that was not started, or a box that is not in the picture.
         """
         ...
 

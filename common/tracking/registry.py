@@ -3,27 +3,31 @@
 from __future__ import annotations
 
 from difflib import get_close_matches
+from typing import Any
 
 import numpy as np
 
-from common.config import Config, ConfigError
+from common.config import Config, ConfigError, load_object
 from common.tracking.base import Tracker
-from common.tracking.particle_filter import ParticleFilterTracker
 
 TRACKERS = {
-    "particle_filter": ParticleFilterTracker,
+    "particle_filter": "common.tracking.particle_filter:ParticleFilterTracker",
+    "dsst": "common.tracking.dsst:DsstTracker",
+    "mil": "common.tracking.mil:MilTracker",
+    "hab-df": "onboard.fusion.tracker:HabDfTracker",
 }
-"""Name to class; a class has `config_type` and is made from (its section, rng)."""
+"""Name to `module:Class`, imported when it is asked for: one costs half a second of compiled code, one stands on the
+vehicle's side. A class has `config_type` and is made from (its section, rng), or by its own `make(config, rng)`."""
 
 
-def tracker_class(name: str) -> type[ParticleFilterTracker]:
+def tracker_class(name: str) -> Any:
     """Class of the tracker of this name.
 
     Raises:
         ConfigError: unknown name; the text lists the right ones.
     """
     try:
-        return TRACKERS[name]
+        return load_object(TRACKERS[name])
     except KeyError:
         near = get_close_matches(name, TRACKERS, n=1)
         hint = f"; did you mean {near[0]!r}?" if near else ""
@@ -38,4 +42,6 @@ def make_tracker(name: str, config: Config, rng: np.random.Generator) -> Tracker
         KeyError: its section is not registered.
     """
     kind = tracker_class(name)
+    if hasattr(kind, "make"):
+        return kind.make(config, rng)
     return kind(config.section(kind.config_type), rng)

@@ -75,6 +75,7 @@ class Fusion:
         self._experts = {name: Expert(source, config) for name, source in sorted(zip(names, sources, strict=True))}
         self._drift = {name: DriftWatch(config) for name in self._experts}
         self._lost = dict.fromkeys(self._experts, False)
+        self._vouches = {name: expert.source.vouches for name, expert in self._experts.items()}
         self._standing = dict.fromkeys(self._experts, 1.0)
         self._switch = config.vote_lambda / config.vote_slope
         self._config = config
@@ -174,38 +175,62 @@ class Fusion:
         return judgements
 
     def _distances(self, t_ns: int) -> dict[str, float]:
-        """Distance of each source to the nearest voter that it agrees with, units.
+        """Distance of each source to the nearest voter that it agrees with, units; infinite without any.
 
-        Voters are the sources themselves and, beyond the thesis, the centre's own prediction: with two sources that
-        disagree, or with all scattered, nothing but the past can tell which is right. A voter of low standing is put
-        further away. A source alone has no vote to fear.
+        Voters are the sources and, beyond the thesis, the centre's own prediction: with two sources that disagree, or
+        with all scattered, nothing but the past can tell which is right. While the answer rests on no source, the past
+        is worth less than one that vouches for itself: then such sources alone vote, if there are any.
         """
-        config = self._config
-        density = (config.acceleration * self.unit) ** 2
-        voters = {
+        density = (self._config.acceleration * self.unit) ** 2
+        heard = {
             name: expert.filter.ahead(t_ns, density)[0] / self.unit
             for name, expert in self._experts.items()
             if expert.filter is not None
             and not self._lost[name]
-            and t_ns - expert.filter.t_ns <= config.stale_after_s * 1e9
+            and t_ns - expert.filter.t_ns <= self._config.stale_after_s * 1e9
         }
         distances = dict.fromkeys(self._experts, math.inf)
-        if len(voters) < 2:
+        strong = [name for name in heard if self._vouches[name] >= self._config.support]
+        voting = strong if strong and not self._supported else list(heard)
+        with_past = voting is not strong and self._center is not None and not self._is_lost(t_ns)
+        if len(heard) < 2:
             return distances
-        points = list(voters.values())
-        handicaps = [_HANDICAP * self._switch * (1.0 - self._standing[name]) for name in voters]
-        if self._center is not None and not self._is_lost(t_ns):
-            points.append(self._center.value / self.unit)
-            handicaps.append(0.0)
-        stacked = np.array(points)
-        found = nearest(stacked, np.array(handicaps))
-        self._stand(list(voters), nearest(stacked, np.zeros(len(points))))
-        return distances | dict(zip(voters, found.tolist(), strict=False))
+        voters = [heard[name] for name in voting]
+        if with_past and self._center is not None:
+            voters.append(self._center.value / self.unit)
+        points, stacked = np.array(list(heard.values())), np.array(voters)
+        same = np.array([[math.inf if i == j else 0.0 for j in voting] + [0.0] * with_past for i in heard])
+        self._stand(list(heard), nearest(points, stacked, same))
+        return distances | dict(
+            zip(
+                heard,
+                nearest(points, stacked, same + self._handicaps(list(heard), voting, with_past)).tolist(),
+                strict=True,
+            )
+        )
+
+    def _handicaps(self, names: Sequence[str], voting: Sequence[str], with_past: bool) -> np.ndarray:
+        """How much further away each voter is put for each source, (n, m), units.
+
+        The lower standing of the two counts, and, while the answer rests on better ones, how little the voter vouches.
+        """
+        rows = []
+        for name in names:
+            own = self._standing[name]
+            row = [
+                (1.0 - min(own, self._standing[other])) + (1.0 - self._vouches[other]) * self._supported
+                for other in voting
+            ]
+            rows.append(row + [1.0 - own] * with_past)
+        return _HANDICAP * self._switch * np.array(rows)
 
     def _stand(self, names: Sequence[str], distances: np.ndarray) -> None:
         """Let the standing of each source follow whether it agrees with anyone at all."""
         config = self._config
-        for name, distance in zip(names, distances.tolist(), strict=False):
+        for name, distance in zip(names, distances.tolist(), strict=True):
+            if not math.isfinite(distance):
+                self._standing[name] = 1.0  # it alone vouches for the answer: it begins a new past
+                continue
             agreement = 0.5 * (1.0 - math.tanh(config.vote_slope * distance - config.vote_lambda))
             rises = agreement > self._standing[name]
             share = -math.expm1(-self._elapsed_s / (config.standing_rise_s if rises else config.standing_fall_s))
@@ -233,8 +258,8 @@ class Fusion:
 
     def _support(self, judgements: Mapping[str, Judgement], t_ns: int) -> None:
         """Note whether anything that was said in this step can be relied on."""
-        reliabilities = [j.reliability for j in judgements.values()]
-        self._supported = max(reliabilities, default=0.0) >= self._config.support
+        reliabilities = [self._vouches[n] * j.reliability for n, j in judgements.items()]
+        self._supported = sum(reliabilities) >= self._config.support
         if self._supported:
             self._seen_ns = t_ns
         wrong = math.prod(1.0 - _ONE_SOURCE * reliability for reliability in reliabilities)
@@ -262,10 +287,10 @@ class Fusion:
         )
 
     def _restarts(self, judgements: Mapping[str, Judgement], t_ns: int) -> tuple[str, ...]:
-        support = sum(j.reliability for j in judgements.values())
+        words = {n: self._vouches[n] * j.reliability for n, j in judgements.items()}
         names = []
         for name, watch in self._drift.items():
-            others = support - (judgements[name].reliability if name in judgements else 0.0)
+            others = sum(words.values()) - words.get(name, 0.0)
             if watch.look(self._distance_from_fused(name, t_ns), others, t_ns):
                 names.append(name)
         return tuple(names)

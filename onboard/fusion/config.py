@@ -17,7 +17,7 @@ class FusionConfig(Section, frozen=True, kw_only=True):
     stands for that noise, so that the thesis's figures for boxes (ω₀ = 10) keep their meaning.
     """
 
-    acceleration: Positive = 3.0
+    acceleration: Positive = 6.0
     """Root of the spectral density of the random acceleration, units/s^1.5: what rates change by in one second."""
     start_rate: NonNegative = 2.0
     """Standard deviation of the unknown rates at the start, units/s."""
@@ -26,7 +26,7 @@ class FusionConfig(Section, frozen=True, kw_only=True):
     eq. 4.3 inside that ellipsoid: 9.7 for a box (the thesis: 10)."""
     outlier_zeta: Positive = 10.0
     """ζ of eq. 4.4; η follows from it and the switch, and is 1 for a box."""
-    delta: NonNegative = 1000.0
+    delta: NonNegative = 100.0
     """Δ of eq. 4.8 against ω₀: the penalty of an outlier (the thesis: 10 for TLD and Struck, 1,000 for CMT)."""
     delta_unsure: NonNegative = 10_000.0
     """Δ while a source's own confidence is below its threshold (the thesis: 10,000)."""
@@ -34,7 +34,7 @@ class FusionConfig(Section, frozen=True, kw_only=True):
     """ω₀ of eq. 4.7."""
     omega: NonNegative = 1000.0
     """ω of eq. 4.7 (the thesis: 500 to 20,000)."""
-    vote_slope: Positive = 12.0
+    vote_slope: Positive = 8.0
     """η of eq. 4.7, 1/unit."""
     vote_lambda: Positive = 4.0
     """λ of eq. 4.7: the penalty begins at the distance λ/η."""
@@ -46,8 +46,9 @@ class FusionConfig(Section, frozen=True, kw_only=True):
     correlation: Fraction = 0.5
     """Correlation of the sources' errors: trackers that watch the same pixels err together. 0 treats n equal sources as
     n independent ones, 1 as one."""
-    support: Fraction = 0.3
-    """Least reliability (fault-free variance over eq. 4.8) of some source in a step that counts as seen."""
+    support: Positive = 0.5
+    """Least sum of the sources' reliabilities (fault-free variance over that of eq. 4.8, times how far each vouches) in
+    a step that counts as seen."""
     predict_for_s: NonNegative = 1.0
     """How long the answer is predicted without any reliable source before it is called lost, s."""
     stale_after_s: Positive = 0.5
@@ -65,7 +66,7 @@ class FusionConfig(Section, frozen=True, kw_only=True):
     restart_every_s: Positive = 1.0
     """Shortest time between two new starts of one source, s."""
     restart_support: NonNegative = 0.8
-    """Least sum of the others' reliabilities for a new start: it would copy a wrong answer."""
+    """Least such sum of the others for a new start: it would copy a wrong answer."""
 
     def check(self) -> None:
         """Raise ConfigError when the hysteresis is the wrong way round."""
@@ -73,3 +74,16 @@ class FusionConfig(Section, frozen=True, kw_only=True):
             raise ConfigError(
                 f"drift_leave: got {self.drift_leave}, above drift_enter {self.drift_enter}; expected at most that"
             )
+
+
+class HabDfConfig(Section, frozen=True, kw_only=True):
+    """Which trackers are fused."""
+
+    members: Annotated[tuple[str, ...], msgspec.Meta(min_length=1)] = ("dsst", "particle_filter")
+    """Names of the registry. Three make a majority; of two that disagree, the past tells which to believe. OpenCV's
+    `mil` costs several times these two together, and the answer was no better for it."""
+
+    def check(self) -> None:
+        """Raise ConfigError when a member is named twice, or is the fusion itself."""
+        if len(set(self.members)) != len(self.members) or "hab-df" in self.members:
+            raise ConfigError(f"members: got {list(self.members)}, expected different trackers, hab-df not among them")

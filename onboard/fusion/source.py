@@ -18,6 +18,8 @@ class Source:
     """Standard deviation of each component while nothing is wrong, units."""
     threshold: float = 0.0
     """Its own confidence below which it is unsure (a larger Δ in eq. 4.8)."""
+    vouches: float = 1.0
+    """How far its word alone shows that the target is seen, 0 to 1: less for one that cannot tell when it is lost."""
     delta: float | None = None
     """Δ of eq. 4.8 for it; None takes the common one."""
     omega: float | None = None

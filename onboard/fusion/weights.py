@@ -47,16 +47,16 @@ def severity(ratio: float) -> float:
     return min(max(1.0, ratio), 1e15) ** 4
 
 
-def nearest(points: np.ndarray, handicap: np.ndarray) -> np.ndarray:
-    """Distance (n,) of each of n points (n, N) to the nearest other one (eqs 4.5, 4.6).
+def nearest(points: np.ndarray, voters: np.ndarray, handicap: np.ndarray) -> np.ndarray:
+    """Distance (n,) of each of n points (n, N) to the nearest of m voters (m, N), eqs 4.5 and 4.6.
 
-    Each distance is longer by the greater of the two points' handicaps (n,). A single point has nobody to agree with:
-    infinite.
+    Each distance is longer by a handicap (n, m), which is infinite where voter and point are the same. A point without
+    any voter has nobody to agree with: infinite.
     """
-    offsets = points[:, None, :] - points[None, :, :]
-    distances = np.sqrt((offsets * offsets).sum(axis=2)) + np.maximum(handicap[:, None], handicap)
-    np.fill_diagonal(distances, math.inf)
-    return distances.min(axis=1)
+    if not len(voters):
+        return np.full(len(points), math.inf)
+    offsets = points[:, None, :] - voters[None, :, :]
+    return (np.sqrt((offsets * offsets).sum(axis=2)) + handicap).min(axis=1)
 
 
 def combine(values: np.ndarray, variances: np.ndarray, correlation: float) -> tuple[np.ndarray, np.ndarray]:

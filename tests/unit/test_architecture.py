@@ -25,8 +25,8 @@ LIBRARIES = {
     "mujoco": ("simulation/world/", "benchmarks/"),
     "viser": ("ground/console/",),
     "mcap": ("common/recording.py",),
-    "matplotlib": ("benchmarks/",),
-    "filterpy": ("onboard/fusion/",),
+    "matplotlib": ("benchmarks/", "common/evaluation_plot.py"),
+    "filterpy": ("onboard/fusion/", "benchmarks/"),
 }
 # Shells talk to the bus, a device or an operator; everything else in a capability's folder is an algorithm or data.
 SHELLS = (

@@ -91,10 +91,11 @@ def test_vote_weight_at_its_extremes() -> None:
 
 
 def test_nearest_of_three_two_one_and_the_handicap() -> None:
-    points = np.array([[0.0, 0.0], [0.0, 1.0], [4.0, 0.0]])
-    assert nearest(points, np.zeros(3)).tolist() == [1.0, 1.0, 4.0]
-    assert nearest(points, np.array([0.0, 5.0, 0.0])).tolist() == [4.0, 6.0, 4.0]
-    assert nearest(points[:1], np.zeros(1)).tolist() == [math.inf]
+    points, same = np.array([[0.0, 0.0], [0.0, 1.0], [4.0, 0.0]]), np.diag([math.inf] * 3)
+    same[same != math.inf] = 0.0
+    assert nearest(points, points, same).tolist() == [1.0, 1.0, 4.0]
+    assert nearest(points, points, same + np.array([0.0, 5.0, 0.0])).tolist() == [4.0, 1.0, 4.0]
+    assert nearest(points[:1], points[:0], np.zeros((1, 0))).tolist() == [math.inf]
 
 
 @pytest.mark.parametrize(("correlation", "expected"), [(0.0, 0.25), (1.0, 1.0), (0.5, 0.625)])

@@ -1,0 +1,54 @@
+"""Histograms of oriented gradients for correlation filters: like those of Felzenszwalb 2010, in plain NumPy."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+
+CELL_PX = 4
+"""Side of a cell, px."""
+_SIGNED = 18
+_UNSIGNED = 9
+_LARGEST = 0.4
+"""Bound of a normalised entry, so that one strong edge does not speak for all."""
+_LEAST_ENERGY = 4.0
+"""Gradient of a cell, grey levels, below which it counts as plain."""
+CHANNELS = _SIGNED + _UNSIGNED
+"""Entries of a cell."""
+
+
+def gradients_of_cells(patches: np.ndarray) -> np.ndarray:
+    """Normalised histograms of the cells of grey pictures.
+
+    Each pixel votes with its gradient's length for the two nearest of 18 directions; opposite ones are added to nine
+    more. A cell's entries are over the root mean energy of its neighbourhood of 3 x 3 cells, and bounded.
+
+    Args:
+        patches: (n, H, W) float32, grey levels; H and W are multiples of `CELL_PX`.
+
+    Returns:
+        (n, H / 4, W / 4, 27) float32.
+    """
+    count, height, width = patches.shape
+    rows, columns = height // CELL_PX, width // CELL_PX
+    across, down = np.zeros_like(patches), np.zeros_like(patches)
+    across[:, :, 1:-1] = patches[:, :, 2:] - patches[:, :, :-2]
+    down[:, 1:-1] = patches[:, 2:] - patches[:, :-2]
+    length, angle = cv2.cartToPolar(across.reshape(-1, width), down.reshape(-1, width))
+    place = angle.ravel() * np.float32(_SIGNED / (2 * math.pi))
+    low = place.astype(np.int32)
+    share = place - low
+    cell = np.arange(count * rows * columns, dtype=np.int32).reshape(count, rows, columns)
+    cell = cell.repeat(CELL_PX, axis=1).repeat(CELL_PX, axis=2).ravel() * _SIGNED
+    votes, size = length.ravel(), count * rows * columns * _SIGNED
+    signed = np.bincount(cell + low % _SIGNED, votes * (1 - share), size)
+    signed += np.bincount(cell + (low + 1) % _SIGNED, votes * share, size)
+    signed = signed.astype(np.float32).reshape(count, rows, columns, _SIGNED) / CELL_PX**2
+    both = signed[..., :_UNSIGNED] + signed[..., _UNSIGNED:]
+    energy = np.pad((both * both).sum(axis=3), ((0, 0), (1, 1), (1, 1)), mode="edge")
+    energy = energy[:, :, :-2] + energy[:, :, 1:-1] + energy[:, :, 2:]
+    energy = (energy[:, :-2] + energy[:, 1:-1] + energy[:, 2:]) / 9
+    scale = 1.0 / (np.sqrt(energy) + _LEAST_ENERGY)
+    return np.minimum(np.concatenate([signed, both], axis=3) * scale[..., None], _LARGEST)

@@ -1,0 +1,35 @@
+"""DSST and the fusion on the real video of a person, against boxes drawn by hand."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+
+from benchmarks.sample_video import sample_video
+from common.processes import load_config
+from onboard.fusion.tracker import HabDfTracker
+from tests.replay.test_vtest_person import _boxes
+
+
+def test_person_is_followed_until_the_last_box() -> None:
+    boxes = _boxes()
+    config = load_config(None, ['hab_df.members=["dsst", "particle_filter"]'])
+    fused = HabDfTracker.make(config, np.random.default_rng(1))
+    video = cv2.VideoCapture(str(sample_video()))
+    overlaps, offsets = {"dsst": [], "hab-df": []}, []
+    for number in range(max(boxes) + 1):
+        ok, frame = video.read()
+        assert ok
+        if number == min(boxes):
+            fused.init(np.asarray(frame), boxes[number], 0.0, number * 100_000_000)
+        elif number > min(boxes):
+            result = fused.update(np.asarray(frame), number * 100_000_000)
+            if number in boxes:
+                x, y, w, h = boxes[number]
+                overlaps["hab-df"].append(result.overlap(boxes[number]))
+                overlaps["dsst"].append(fused.answers["dsst"].overlap(boxes[number]))
+                offsets.append(math.dist(result.center_px, (x + w / 2, y + h / 2)))
+    assert min(np.mean(values) for values in overlaps.values()) > 0.75
+    assert np.median(offsets) < 4.0

@@ -1,0 +1,116 @@
+"""HAB-DF over scripted members: majority, drift and new start, loss, and what each tracker is told."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from common.config import ConfigError, build
+from common.processes import load_config
+from common.tracking.base import Box, Expectation, TrackResult, TrackState
+from onboard.fusion.config import FusionConfig, HabDfConfig
+from onboard.fusion.tracker import HabDfTracker
+
+FRAME = np.random.default_rng(0).integers(0, 255, (240, 320, 3), np.uint8)
+BOX = (100.0, 80.0, 40.0, 30.0)
+
+
+class Scripted:
+    """A member that says what it is told, and notes what was asked of it."""
+
+    def __init__(self) -> None:
+        self.box: Box = BOX
+        self.state: TrackState = "tracking"
+        self.started: list[Box] = []
+        self.expected: list[Expectation] = []
+
+    def init(self, frame: np.ndarray, box: Box, angle_rad: float = 0.0, t_ns: int | None = None) -> None:
+        self.started.append(box)
+        self.box = box
+
+    def expect(self, expectation: Expectation) -> None:
+        self.expected.append(expectation)
+
+    def update(self, frame: np.ndarray, t_ns: int) -> TrackResult:
+        x, y, width, height = self.box
+        return TrackResult((x + width / 2, y + height / 2), (width, height), 0.0, 0.9, 0.5, self.state, 0.0)
+
+
+class Movable(Scripted):
+    """One that can be placed."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.placed: list[Box] = []
+
+    def place(self, frame: np.ndarray, box: Box) -> None:
+        self.placed.append(box)
+        self.box = box
+
+
+def _fused(*members: Scripted) -> HabDfTracker:
+    tracker = HabDfTracker({f"m{i}": m for i, m in enumerate(members)}, FusionConfig())
+    tracker.init(FRAME, BOX, 0.0, 0)
+    return tracker
+
+
+def _run(tracker: HabDfTracker, begin: int, end: int) -> TrackResult:
+    for k in range(begin, end):
+        result = tracker.update(FRAME, k * 40_000_000)
+    return result
+
+
+def test_agreeing_members_give_their_box() -> None:
+    tracker = _fused(Scripted(), Scripted(), Scripted())
+    result = _run(tracker, 1, 10)
+    assert result.state == "tracking"
+    assert result.overlap(BOX) > 0.98
+    assert result.score > 0.9
+    assert set(tracker.answers) == {"m0", "m1", "m2"}
+
+
+def test_drifted_member_is_outvoted_then_started_anew_and_a_placeable_one_only_moved() -> None:
+    members = Scripted(), Scripted(), Movable()
+    tracker = _fused(*members)
+    _run(tracker, 1, 20)
+    members[2].box = (200.0, 150.0, 40.0, 30.0)
+    result = _run(tracker, 20, 30)
+    assert result.overlap(BOX) > 0.95
+    assert not members[2].placed
+    _run(tracker, 30, 50)
+    assert len(members[2].placed) == 1
+    assert members[2].placed[0] == pytest.approx(BOX, abs=1.0)
+    members[1].box = (10.0, 10.0, 40.0, 30.0)
+    _run(tracker, 50, 80)
+    assert len(members[1].started) == 2
+    assert members[1].started[1] == pytest.approx(BOX, abs=1.0)
+    assert len(members[0].started) == 1
+
+
+def test_lost_when_all_are() -> None:
+    members = Scripted(), Scripted()
+    tracker = _fused(*members)
+    _run(tracker, 1, 10)
+    for member in members:
+        member.state = "lost"
+    assert _run(tracker, 10, 12).state == "predicted"
+    assert _run(tracker, 12, 60).state == "lost"
+    members[0].state = "tracking"
+    assert _run(tracker, 60, 64).state == "tracking"
+
+
+def test_expectation_reaches_every_member() -> None:
+    members = Scripted(), Scripted()
+    tracker = _fused(*members)
+    expectation = Expectation((1.0, 2.0), 0.0, (0.0, 0.0), 0.0, 1.0)
+    tracker.expect(expectation)
+    assert [m.expected for m in members] == [[expectation]] * 2
+
+
+def test_members_come_from_the_configuration() -> None:
+    config = load_config(None, ['hab_df.members=["dsst", "particle_filter"]'])
+    assert list(HabDfTracker.make(config, np.random.default_rng(0)).members) == ["dsst", "particle_filter"]
+    with pytest.raises(ConfigError, match="different trackers"):
+        build(HabDfConfig, {"members": ["dsst", "dsst"]}, "hab_df")
+    with pytest.raises(ConfigError, match="tracker: got 'nothing'"):
+        HabDfTracker.make(load_config(None, ['hab_df.members=["nothing"]']), np.random.default_rng(0))
