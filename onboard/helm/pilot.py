@@ -24,6 +24,8 @@ _HORIZON_MIN_S = 0.2
 _STILL_M_S = 0.4
 _BRAKE_MAX_S = 4.0
 _HEIGHT_LEAD_M = 1.0
+_HOLD_BAND_M = 0.3
+_STANDSTILL: Vec3 = (0.0, 0.0, 0.0)
 _HEADING_LEAD_RAD = 0.5
 _ASIDE_SHARE = 0.2  # of the speed home while the nose still points elsewhere: it goes on even where it cannot turn
 
@@ -56,9 +58,9 @@ class Pilot:
         self._yaw_rad = math.nan
         self._anchor_m: tuple[float, float] | None = None
         self._hover_since_ns: int | None = None
-        self._last_v: Vec3 = (0.0, 0.0, 0.0)
+        self._last_v = _STANDSTILL
         self._last_ns = 0
-        self._braking: Vec3 = (0.0, 0.0, 0.0)
+        self._braking = _STANDSTILL
 
     def reset(self, telemetry: Telemetry, t_ns: int, height_m: float | None = None) -> None:
         """Start from where the vehicle is: its height (or the one given, m above home), heading and velocity."""
@@ -67,7 +69,7 @@ class Pilot:
         self._yaw_rad = attitude.yaw_rad if attitude else math.nan
         north, east, _ = position.ned_v_m_s if position else (0.0, 0.0, 0.0)
         self._last_v = (north, east, 0.0)
-        self._braking = (0.0, 0.0, 0.0)
+        self._braking = _STANDSTILL
         self._anchor_m, self._hover_since_ns = None, None
         self._last_ns = t_ns
 
@@ -187,6 +189,12 @@ class Pilot:
         self._braking = limited.braking_ned_v_m_s
         north, east, limited_down = limited.ned_v_m_s
         cut = limited_down != down_m_s
+        if cut and limited.why in ("blind", "no data") and limited.ned_v_m_s == _STANDSTILL:
+            # Standing still, for want of sight alone, includes the height: the present one, sent, would be lost to any
+            # drift. The one held before is sent, as far as it is near and no other way than what was just judged.
+            most_m = min(max(lead_m, -_HOLD_BAND_M), _HOLD_BAND_M)
+            lead_m = min(max(self._height_m - height_m, min(most_m, 0.0)), max(most_m, 0.0))
+            cut = False
         self._height_m = height_m + lead_m
         self._sent_height_m = height_m + (-limited_down / gain_1_s if cut else lead_m)
         self._last_v = (north, east, limited_down if cut else ned_v_m_s[2])

@@ -122,6 +122,22 @@ def test_a_barrel_that_is_seen_no_more_is_not_flown_into():
     assert nearest > 1.3 and _speed(desk) < 0.05
 
 
+def test_without_sight_the_height_is_held_against_a_drift_and_no_climb_is_flown():
+    desk = Desk().fly()
+    desk.obstacles = []
+    desk.go(1.0)
+    desk.obstacles = None
+    desk.go(6.0)
+    held_m = desk.vehicle.height_m
+    desk.vehicle.p[2] += 0.2
+    desk.go(4.0)
+    assert desk.status and desk.status.limiter_zone == "blind"
+    assert desk.vehicle.height_m == pytest.approx(held_m, abs=0.05)
+    desk.operator = Request(frame="heading", vector=(1.0, 0.0, -1.0))
+    desk.go(5.0)
+    assert desk.vehicle.height_m == pytest.approx(held_m, abs=0.05) and _speed(desk) < 0.05
+
+
 def test_a_curve_that_would_let_a_fast_vehicle_through_is_refused_at_the_start():
     with pytest.raises(ConfigError, match=r"v_max_m_s: got 2\.5; for an approach at 3 m/s the curve peaks at"):
         Desk(limiter={"v_max_m_s": 2.5})
