@@ -18,7 +18,7 @@ _CM_PER_M = 100.0
 def obstacle_distance(
     sectors_m: Sequence[float], heading_rad: float, least_m: float, most_m: float, time_us: int
 ) -> dict[str, Any]:
-    """Fields of an OBSTACLE_DISTANCE, as PX4 and ArduPilot read them: body frame, clockwise from forward, cm.
+    """Fields of an OBSTACLE_DISTANCE, as autopilots read them: body frame, clockwise from forward, cm.
 
     The sectors stay as they are, none is resampled: the first one sent is the one that the vehicle looks into, and
     `angle_offset` says how far its middle is from forward.
