@@ -21,6 +21,7 @@ _HEIGHT_M = 2.0
 _STICK_M_S = 2.1
 _STILL_M_S = 0.15
 _STILL_S = 1.0
+_NEARER_M = 0.03
 _NEAR_M = 0.5  # a stop this far beyond h_desired is no stop before the barrel
 _GOAL_M = 0.3
 
@@ -62,6 +63,8 @@ class ApproachMission(Operator):
         self._limiter: LimiterStatus | None = None
         self._target: ApproachTarget | None = None
         self._moved_s = 0.0
+        self._least_m = math.inf
+        self._nearer_s = 0.0
         self._closest: tuple[float, str] = (math.inf, "nothing")
         self._watching = False
         self._zones: list[str] = []
@@ -99,6 +102,8 @@ class ApproachMission(Operator):
         truth = received.message
         if math.hypot(*truth.ned_v_m_s) > _STILL_M_S:
             self._moved_s = time.monotonic()
+        if (distance_m := self._distance_m()) < self._least_m - _NEARER_M:
+            self._least_m, self._nearer_s = distance_m, time.monotonic()
         if self._watching:
             for thing in truth.obstacles:
                 self._closest = min(self._closest, (thing.distance_m, thing.label))
@@ -117,6 +122,13 @@ class ApproachMission(Operator):
     def _still(self) -> bool:
         return time.monotonic() - self._moved_s > _STILL_S
 
+    @property
+    def _stopped(self) -> bool:
+        """Whether the limiter lets it no nearer. Not standstill: held on, it slides round what is slender."""
+        status = self._limiter
+        near = status is not None and self._distance_m() <= status.h_desired_m + _NEAR_M
+        return near and time.monotonic() - self._nearer_s > _STILL_S
+
     def _distance_m(self) -> float:
         """True distance of the nearest thing, m."""
         things = () if self.truth is None else self.truth.message.obstacles
@@ -124,12 +136,12 @@ class ApproachMission(Operator):
 
     def _stick_forward(self) -> None:
         log.info("stick forward at %.1f m/s, and held there", _STICK_M_S)
-        self.push(_STICK_M_S, 3.0)  # it takes a moment to move
-        held_s = self.push(_STICK_M_S, 25.0, until=lambda: self._still)
+        self._least_m = math.inf
+        held_s = self.push(_STICK_M_S, 25.0, until=lambda: self._stopped)
         self._figures["stick_stop_m"] = self._distance_m()
         log.info(
-            "stick still forward after %.0f s: stands %.2f m before it; closest so far %.2f m",
-            held_s + 3.0,
+            "stick still forward after %.0f s: is %.2f m before it; closest so far %.2f m",
+            held_s,
             self._distance_m(),
             self._closest[0],
         )
