@@ -123,7 +123,8 @@ def _distances_reach_a_ground_station(flight: Flight) -> None:
     assert len(told) >= 5
     _, _, state = flight.states[-1]
     yaw_deg = math.degrees(euler_from_quat(state.ned_q_body)[2])
-    (near,) = (i for i, d in enumerate(told[-1].distances) if d == 250)
+    # Not exactly 2.50 m: the map carries the point to now, by how the vehicle has drifted since.
+    (near,) = (i for i, d in enumerate(told[-1].distances) if abs(d - 250) <= 15)
     assert abs(math.remainder(near * 5.0 + told[-1].angle_offset + yaw_deg - 90.0, 360.0)) <= 5.0, "due east"
 
 
