@@ -16,6 +16,15 @@ from common.messages.obstacles import LimiterStatus as LimiterStatus
 from common.messages.obstacles import Obstacle as Obstacle
 from common.messages.obstacles import Obstacles as Obstacles
 from common.messages.obstacles import View as View
+from common.messages.people import BONES as BONES
+from common.messages.people import JOINTS as JOINTS
+from common.messages.people import Covariance as Covariance
+from common.messages.people import People as People
+from common.messages.people import PeopleDetections as PeopleDetections
+from common.messages.people import Person as Person
+from common.messages.people import PersonDetection as PersonDetection
+from common.messages.people import PersonPicture as PersonPicture
+from common.messages.people import person_label as person_label
 
 # ---------------------------------------------------------------- pictures
 
@@ -263,7 +272,11 @@ class Command(Message, frozen=True, kw_only=True):
     height_m: float | None = None
     """`helm/do/takeoff`: height above home, m."""
     label: str = ""
-    """`approach/do/select`: name of the thing (`person 3`)."""
+    """`approach/do/select`, `people/do/…`: name of the thing (`person 3`)."""
+    name: str = ""
+    """`people/do/rename`: what the person is called from now on."""
+    into: str = ""
+    """`people/do/merge`: the person that `label` is the same as (`person 1`)."""
     bearing_rad: float | None = None
     """`approach/do/select`: direction of the thing, rad from the vehicle's heading, clockwise."""
     ned_p_m: Vec3 | None = None

@@ -18,13 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from common.config import ConfigError, Section, build, read_toml
 from common.geometry.rotation import Array
+from common.messages import JOINTS
 from onboard.people.regions import Region
 
-JOINTS = (
-    "head", "neck", "shoulder_r", "elbow_r", "wrist_r", "shoulder_l", "elbow_l", "wrist_l",
-    "hip_r", "knee_r", "ankle_r", "hip_l", "knee_l", "ankle_l", "waist",
-)  # fmt: skip
-"""Names in the paper's order."""
 HEAD, NECK, HIP_R, KNEE_R, ANKLE_R, HIP_L, KNEE_L, ANKLE_L, WAIST = 0, 1, 8, 9, 10, 11, 12, 13, 14
 ANKLES = (ANKLE_R, ANKLE_L)
 

@@ -11,7 +11,20 @@ import msgspec
 from hypothesis import strategies as st
 
 from common.header import Header, InputRef
-from common.messages import SECTORS, CameraInfo, Image, LimiterStatus, Message, MessageError, Obstacle, Request, View
+from common.messages import (
+    JOINTS,
+    SECTORS,
+    CameraInfo,
+    Image,
+    LimiterStatus,
+    Message,
+    MessageError,
+    Obstacle,
+    PersonDetection,
+    PersonPicture,
+    Request,
+    View,
+)
 
 int64 = st.integers(-(2**63), 2**63 - 1)
 numbers = st.floats(allow_nan=False, allow_infinity=False)
@@ -82,6 +95,9 @@ _NARROW: dict[tuple[type[Message], str], st.SearchStrategy[Any]] = {
     (LimiterStatus, "sectors_m"): st.lists(numbers, min_size=SECTORS, max_size=SECTORS).map(tuple),
     (Obstacle, "distance_m"): st.floats(0.0, 1e4),
     (Obstacle, "ned_direction"): _unit(3),
+    (PersonDetection, "number"): st.integers(1, 2**31),
+    (PersonDetection, "joints_px"): st.tuples(*[st.tuples(numbers, numbers, numbers)] * len(JOINTS)),
+    (PersonPicture, "jpeg"): st.binary(max_size=50).map(lambda data: b"\xff\xd8" + data + b"\xff\xd9"),
     (Request, "valid_ms"): st.floats(0.0, 10_000.0),
 }
 

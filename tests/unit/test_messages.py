@@ -13,6 +13,7 @@ import msgspec
 import pytest
 
 from common.messages import (
+    JOINTS,
     CameraInfo,
     HelmStatus,
     Image,
@@ -21,6 +22,8 @@ from common.messages import (
     MessageError,
     Obstacle,
     Obstacles,
+    PersonDetection,
+    PersonPicture,
     Request,
     Track,
     VehicleState,
@@ -96,6 +99,18 @@ def limited(**changes: Any) -> LimiterStatus:
     return LimiterStatus(**{**fields, **changes})
 
 
+def person(**changes: Any) -> PersonDetection:
+    fields: dict[str, Any] = {
+        "number": 1,
+        "box_px": (10.0, 20.0, 30.0, 60.0),
+        "joints_px": ((12.0, 30.0, 0.9),) * len(JOINTS),
+        "presence": 1.0,
+        "fresh": True,
+        "with_depth": False,
+    }
+    return PersonDetection(**{**fields, **changes})
+
+
 @pytest.mark.parametrize(
     "message",
     [
@@ -109,6 +124,9 @@ def limited(**changes: Any) -> LimiterStatus:
         Obstacle(distance_m=0.0, ned_direction=(0.0, 0.6, 0.8)),
         Obstacles(obstacles=(), views=(view(),)),
         limited(),
+        person(),
+        person(ned_p_m=(1.0, 2.0, 0.0), ned_p_cov_m2=(0.1, 0.0, 0.0, 0.1, 0.0, 0.1), size_m=(1.7, 0.5, 0.3)),
+        PersonPicture(number=1, taken_ns=0, jpeg=b"\xff\xd8\xff\xd9"),
         Request(frame="ned", vector=(1.0, 0.0, 0.0)),
         Track(state="idle"),
     ],
@@ -144,6 +162,10 @@ def test_good_messages_pass(message: Message) -> None:
         (Obstacles(obstacles=(), views=(view(columns=0, seen=()),)), "columns: got 0, expected 1 to 1024"),
         (limited(sectors_m=(1.0,) * 71), "sectors_m: got 71 sectors, expected 72"),
         (limited(sectors_m=(math.inf,) * 72), "sectors_m: got inf"),
+        (person(number=0), "number: got 0, expected 1"),
+        (person(joints_px=((1.0, 2.0, 0.9),) * 14), "joints_px: got 14 joints, expected 15"),
+        (person(ned_p_m=(1.0, math.nan, 0.0)), "ned_p_m: got nan"),
+        (PersonPicture(number=1, taken_ns=0, jpeg=b"\xff\xd8 cut off"), "jpeg: got 10 bytes that are no whole JPEG"),
         (Request(frame="ned", vector=(1.0, 0.0, -math.inf)), "vector: got -inf"),
         (Request(frame="ned", vector=(1.0, 0.0, 0.0), valid_ms=-1.0), "valid_ms: got -1.0, expected 0.0 to 10000.0"),
     ],
