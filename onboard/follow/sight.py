@@ -1,0 +1,142 @@
+"""From the fused box to the target's place: the picture's geometry with the attitude at capture time taken out."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.geometry.camera import Camera, horizontal_tangents
+from common.geometry.rotation import quat_rotate
+from common.tracking.base import Box
+from onboard.follow.config import FollowConfig
+from onboard.follow.law import TargetState
+from onboard.fusion.depth import DepthConfig, DepthFusion, size_ratio
+from onboard.fusion.motion import MotionFilter
+from onboard.proximity.pose import Pose
+
+Array = NDArray[np.float64]
+_LEAST_HEIGHT_M = 0.3
+_LONGEST_GAP_S = 3.0
+_START_M_S = 1.0
+_STEEP = 0.7  # the optical axis is more down than this: below; its down component, 45 degrees
+
+
+def looks_ahead(camera: Camera) -> bool:
+    """Whether the camera looks more ahead than down."""
+    return float(quat_rotate(camera.body_q_camera, np.array([0.0, 0.0, 1.0]))[2]) < _STEEP
+
+
+class Sight:
+    """Place of the target from box, pose and, for a camera that looks ahead, distance.
+
+    Args:
+        camera: calibration and mounting.
+        config: how high the target is, how far it is at the start.
+        depth: of the distance.
+    """
+
+    def __init__(self, camera: Camera, config: FollowConfig, depth: DepthConfig):
+        self.ahead = looks_ahead(camera)
+        """Whether the target is faced, instead of flown above."""
+        self._camera = camera
+        self._config = config
+        image_px = (float(camera.width), float(camera.height))
+        self._scale = DepthFusion(depth, image_px)
+        self._image_px = image_px
+        self.why_not = ""
+        """Why the last place is missing."""
+
+    def place(self, t_ns: int, box: Box, pose: Pose, depth_m: Array | None = None) -> Array | None:
+        """Place (3,) of the target, NED, m; None, and `why_not`, where the picture does not tell.
+
+        Args:
+            t_ns: capture stamp, ns.
+            box: x, y, width, height, px.
+            pose: the vehicle then.
+            depth_m: depth inside the box, (h, w), m, 0 for none; None without a depth camera.
+        """
+        centre = (box[0] + box[2] / 2, box[1] + box[3] / 2)
+        eye = pose.ned_p_m + quat_rotate(pose.ned_q_body, np.array(self._camera.body_p_camera_m))
+        if self.ahead:
+            return self._faced(t_ns, box, centre, eye, pose, depth_m)
+        return self._below(t_ns, box, centre, eye, pose)
+
+    def _below(self, t_ns: int, box: Box, centre: tuple[float, float], eye: Array, pose: Pose) -> Array | None:
+        """Where the ray meets the height of the target's top; with `scale`, as far down as its size says."""
+        height_m = -float(eye[2]) - self._config.target_height_m
+        if height_m < _LEAST_HEIGHT_M:
+            self.why_not = f"too low to look, {height_m:.1f} m above the target"
+            return None
+        tangents = horizontal_tangents(self._camera.rays([centre]), self._camera.body_q_camera, pose.ned_q_body)[0]
+        if not np.isfinite(tangents).all():
+            self.why_not = "tilted too far to look"
+            return None
+        drop_m = height_m
+        if self._config.height == "scale":
+            if self._scale.scale_m is None:
+                self._scale.scale_m = height_m / size_ratio((box[2], box[3]), self._image_px)
+            estimate = self._scale.update(t_ns, centre, (box[2], box[3]), None)
+            drop_m = height_m if estimate is None else float(estimate.position[2])
+        return eye + np.array([*(tangents * height_m), drop_m])
+
+    def _faced(
+        self, t_ns: int, box: Box, centre: tuple[float, float], eye: Array, pose: Pose, depth_m: Array | None
+    ) -> Array | None:
+        """Along the ray as far as depth camera and size say."""
+        if self._scale.scale_m is None and (first_m := self._first_distance(box, eye, pose, depth_m)) is not None:
+            self._scale.scale_m = first_m / size_ratio((box[2], box[3]), self._image_px)
+        estimate = self._scale.update(t_ns, centre, (box[2], box[3]), depth_m)
+        if estimate is None or not math.isfinite(float(estimate.position[2])):
+            self.why_not = "no distance: no depth, and the target's foot is above the horizon; set follow.distance_m"
+            return None
+        ray = quat_rotate(pose.ned_q_body, quat_rotate(self._camera.body_q_camera, self._camera.rays([centre])[0]))
+        return eye + ray * float(estimate.position[2])
+
+    def _first_distance(self, box: Box, eye: Array, pose: Pose, depth_m: Array | None) -> float | None:
+        """Distance along the optical axis at the start, m, where the depth camera does not give it."""
+        if self._config.distance_m > 0.0:
+            return self._config.distance_m
+        if depth_m is not None and depth_m.size and float((depth_m > 0).mean()) > 0.5:
+            return None  # measured: the first depth itself teaches the scale
+        foot = self._camera.rays([(box[0] + box[2] / 2, box[1] + box[3])])[0]
+        ned = quat_rotate(pose.ned_q_body, quat_rotate(self._camera.body_q_camera, foot))
+        if ned[2] < 0.02 or eye[2] >= -_LEAST_HEIGHT_M:
+            return None
+        return -float(eye[2]) / float(ned[2])  # the ray has z = 1 along the axis
+
+
+class TargetPlace:
+    """Place and velocity of the target from its measured places: a Kalman filter with real Δt.
+
+    Args:
+        config: noise.
+    """
+
+    def __init__(self, config: FollowConfig):
+        self._density = np.full(3, config.process_m_s2**2)
+        self._variance = np.full(3, config.measurement_m**2)
+        self._filter: MotionFilter | None = None
+
+    def reset(self) -> None:
+        """Forget the target."""
+        self._filter = None
+
+    def measure(self, ned_p_m: Array, t_ns: int) -> None:
+        """Take in a place (3,), NED, m, of a time, ns; one from before the last is ignored."""
+        known = self._filter
+        if known is not None and t_ns < known.t_ns:
+            return
+        if known is None or t_ns - known.t_ns > _LONGEST_GAP_S * 1e9:
+            self._filter = MotionFilter(ned_p_m, t_ns, np.sqrt(self._variance), np.full(3, _START_M_S))
+            return
+        known.predict(t_ns, self._density)
+        known.update(ned_p_m, self._variance)
+
+    def at(self, t_ns: int) -> TargetState | None:
+        """State at a time, ns, at or after the last measurement; None without any."""
+        if self._filter is None:
+            return None
+        value, _ = self._filter.ahead(t_ns, self._density)
+        return TargetState(np.array(value), self._filter.rate.copy())
