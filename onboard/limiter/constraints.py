@@ -5,12 +5,14 @@ Every function takes one vehicle (obstacles along the last axis, K) or many (N, 
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
+from onboard.limiter import compiled
 from onboard.limiter.config import LimiterConfig
-from onboard.limiter.law import repulsion, stoppable
+from onboard.limiter.law import FULL_FROM_M_S, repulsion, stoppable
 
 Array = np.ndarray
 _HELD_FROM_M_S = 0.1  # the summed excess acts in full from this excess on: no jump where it ends
@@ -142,7 +144,71 @@ def obstacle_bound(
 
 
 def obstacle_rows(distance_m: Array, normals: Array, ned_v_m_s: Array, motion: Motion, config: LimiterConfig) -> Bounds:
-    """Curve and bound of each obstacle as half-spaces, (..., 2 K): the curves first.
+    """Curve and bound of each obstacle as half-spaces: the figures of `plain_rows`, at a multiple of its speed.
+
+    Args:
+        distance_m: (K,), or (N, K) for many vehicles, m.
+        normals: unit vectors towards the obstacles, (..., K, 3).
+        ned_v_m_s: velocities of the obstacles, (..., K, 3).
+        motion: of the vehicle.
+        config: the law.
+    """
+    shape, count = distance_m.shape[:-1], distance_m.shape[-1]
+    many = shape[0] if shape else 1
+    rows, bounds, excess = np.empty((many, 2 * count, 3)), np.empty((many, 2 * count)), np.empty((many, 2 * count))
+    compiled.fill_rows(
+        _plain(distance_m).reshape(many, count),
+        _plain(normals).reshape(many, count, 3),
+        _plain(ned_v_m_s).reshape(many, count, 3),
+        np.array(motion).reshape(4, many, 3).transpose(1, 0, 2).copy(),
+        _numbers(config),
+        rows,
+        bounds,
+        excess,
+    )
+    firm = np.zeros((*shape, 2 * count), dtype=bool)
+    firm[..., count:] = True
+    return Bounds(
+        rows.reshape(*shape, 2 * count, 3), bounds.reshape(*shape, 2 * count), excess.reshape(*shape, 2 * count), firm
+    )
+
+
+def _plain(array: Array) -> Array:
+    return np.ascontiguousarray(array, dtype=float)
+
+
+@cache
+def _numbers(config: LimiterConfig) -> Array:
+    """The law's numbers in the order of `compiled`."""
+    numbers = {
+        compiled.STRATEGY: {"proposed": compiled.PROPOSED, "tti": compiled.TTI, "dpf": compiled.DPF}[config.strategy],
+        compiled.H_MIN: config.h_min_m,
+        compiled.H_DESIRED: config.h_desired_m,
+        compiled.H_MAX: config.h_max_m,
+        compiled.BAND: config.band_m,
+        compiled.V_MAX: config.v_max_m_s,
+        compiled.DPF_MIN: config.dpf.h_min_m,
+        compiled.DPF_MID: config.dpf.h_mid_m,
+        compiled.DPF_MAX: config.dpf.h_max_m,
+        compiled.DPF_V_MID: config.dpf.v_mid_m_s,
+        compiled.DPF_V_MAX: config.dpf.v_max_m_s,
+        compiled.DELAY: config.stop_delay_s,
+        compiled.DECELERATION: config.stop_deceleration_m_s2,
+        compiled.LEAD: config.brake_lead,
+        compiled.BRAKE: config.brake_m_s,
+        compiled.MARGIN: config.margin_m,
+        compiled.FORESIGHT: config.foresight_s,
+        compiled.PUSH: config.push_back_m_s,
+        compiled.PUSH_GAIN: config.push_back_gain_1_s,
+        compiled.FULL_FROM: FULL_FROM_M_S,
+        compiled.HELD_FROM: _HELD_FROM_M_S,
+        compiled.YIELD: _YIELD_M_S,
+    }
+    return np.array([numbers[place] for place in range(len(numbers))], dtype=float)
+
+
+def plain_rows(distance_m: Array, normals: Array, ned_v_m_s: Array, motion: Motion, config: LimiterConfig) -> Bounds:
+    """Curve and bound of each obstacle as half-spaces, (..., 2 K), the curves first: the reference of `obstacle_rows`.
 
     Args:
         distance_m: (..., K), m.

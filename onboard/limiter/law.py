@@ -34,7 +34,8 @@ from onboard.limiter.config import LimiterConfig
 Zone = Literal["safe", "warning", "transition", "collision", "blind"]
 Array = np.ndarray
 _FALL_S = 1.0
-_FULL_FROM_M_S = 0.1
+FULL_FROM_M_S = 0.1
+"""Approach speed from which the curve acts in full, m/s."""
 
 
 def coefficients(v_i_m_s: Array | float, config: LimiterConfig) -> tuple[Array, Array]:
@@ -85,13 +86,13 @@ def repulsion(h_m: Array | float, v_i_m_s: Array | float, config: LimiterConfig)
     if config.strategy == "dpf":
         field = config.dpf
         v_rep = np.interp(h, (field.h_min_m, field.h_mid_m, field.h_max_m), (field.v_max_m_s, field.v_mid_m_s, 0.0))
-        return v_rep * np.minimum(v_i / _FULL_FROM_M_S, 1.0)
+        return v_rep * np.minimum(v_i / FULL_FROM_M_S, 1.0)
     near = np.maximum(h, config.h_min_m)
     if config.strategy == "tti":
         v_rep = v_i * (config.h_desired_m / near)
     else:
         a, b = coefficients(v_i, config)
-        v_rep = np.maximum((a + b / near) / near, 0.0) * np.minimum(v_i / _FULL_FROM_M_S, 1.0)  # eq. 20
+        v_rep = np.maximum((a + b / near) / near, 0.0) * np.minimum(v_i / FULL_FROM_M_S, 1.0)  # eq. 20
     share = np.clip((config.h_max_m - h) / config.band_m, 0.0, 1.0)
     return v_rep * (share * share * (3.0 - 2.0 * share))
 

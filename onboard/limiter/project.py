@@ -12,12 +12,11 @@ import math
 
 import numpy as np
 
+from onboard.limiter import compiled
+
 Array = np.ndarray
-Row = tuple[float, float, float]
 
 TOLERANCE_M_S = 1e-9
-_STEPS = 200
-_PARALLEL = 1e-10
 _STIFFNESS = 50.0
 _NEWTON_STEPS = 12
 _IDENTITY = np.eye(3)
@@ -39,17 +38,7 @@ def project(v_m_s: Array, normals: Array, bounds_m_s: Array) -> Array:
     """
     if not len(bounds_m_s):
         return v_m_s
-    v = v_m_s
-    active: list[tuple[Row, float]] = []
-    multipliers: list[float] = []
-    for _ in range(_STEPS):
-        excess = normals @ v - bounds_m_s
-        worst = int(np.argmax(excess))
-        if excess[worst] <= TOLERANCE_M_S:
-            return v
-        x, y, z = normals[worst].tolist()
-        v = np.array(_join((x, y, z), float(bounds_m_s[worst]), v.tolist(), active, multipliers))
-    return scaled(v_m_s, normals, bounds_m_s)
+    return project_many(v_m_s[None], normals[None], bounds_m_s[None])[0]
 
 
 def retreat(v_m_s: Array, normals: Array, bounds_m_s: Array) -> Array:
@@ -102,15 +91,10 @@ def project_many(v_m_s: Array, normals: Array, bounds_m_s: Array) -> Array:
     Returns:
         (N, 3), m/s.
     """
-    excess = (normals @ v_m_s[:, :, None])[..., 0] - bounds_m_s
-    each = np.arange(len(v_m_s))
-    worst = excess.argmax(axis=1)
-    over = np.maximum(excess[each, worst], 0.0)
-    v = v_m_s - over[:, None] * normals[each, worst]
-    # One active half-space is the usual case, and its projection is the first step of the exact one.
-    left = ((normals @ v[:, :, None])[..., 0] - bounds_m_s).max(axis=1) > TOLERANCE_M_S
-    for index in np.nonzero(left)[0]:
-        v[index] = project(v_m_s[index], normals[index], bounds_m_s[index])
+    v, normals, bounds_m_s = np.empty(v_m_s.shape), np.ascontiguousarray(normals), np.ascontiguousarray(bounds_m_s)
+    ended = compiled.fill_projections(np.ascontiguousarray(v_m_s), normals, bounds_m_s, TOLERANCE_M_S, v)
+    for index in () if ended.all() else np.nonzero(~ended)[0]:
+        v[index] = scaled(v_m_s[index], normals[index], bounds_m_s[index])
     return v
 
 
@@ -121,57 +105,3 @@ def retreat_many(v_m_s: Array, normals: Array, bounds_m_s: Array) -> Array:
     for index in np.nonzero(over.any(axis=1))[0]:
         w[index] = retreat(v_m_s[index], normals[index], bounds_m_s[index])
     return w
-
-
-def _join(n: Row, bound: float, v: list[float], active: list[tuple[Row, float]], multipliers: list[float]) -> Row:
-    """Make one violated half-space active, dropping those in its way; the velocity after it. Changes the two lists."""
-    own = 0.0
-    x, y, z = v
-    while True:
-        r, (zx, zy, zz) = _split(n, [a for a, _ in active])
-        size = zx * zx + zy * zy + zz * zz
-        full = (n[0] * x + n[1] * y + n[2] * z - bound) / size if size > _PARALLEL else math.inf
-        step, leaving = full, -1
-        for index, (share, multiplier) in enumerate(zip(r, multipliers, strict=True)):
-            if share > 1e-12 and multiplier / share < step:
-                step, leaving = multiplier / share, index
-        if math.isinf(step):
-            return x, y, z
-        for index, share in enumerate(r):
-            multipliers[index] -= step * share
-        own += step
-        if size > _PARALLEL:
-            x, y, z = x - step * zx, y - step * zy, z - step * zz
-        if leaving < 0:
-            active.append((n, bound))
-            multipliers.append(own)
-            return x, y, z
-        del active[leaving], multipliers[leaving]
-
-
-def _split(n: Row, others: list[Row]) -> tuple[list[float], Row]:
-    """Shares of the other normals in n by least squares, and what of n is at right angles to all of them."""
-    basis: list[Row] = []
-    upper: list[list[float]] = []
-    for a in others:  # Gram-Schmidt: a_j = sum_i upper[j][i] basis_i
-        ax, ay, az = a
-        column = []
-        for bx, by, bz in basis:
-            dot = ax * bx + ay * by + az * bz
-            column.append(dot)
-            ax, ay, az = ax - dot * bx, ay - dot * by, az - dot * bz
-        size = math.sqrt(ax * ax + ay * ay + az * az)
-        column.append(size)
-        basis.append((ax / size, ay / size, az / size) if size > 0.0 else (0.0, 0.0, 0.0))
-        upper.append(column)
-    x, y, z = n
-    along = []
-    for bx, by, bz in basis:
-        dot = x * bx + y * by + z * bz
-        along.append(dot)
-        x, y, z = x - dot * bx, y - dot * by, z - dot * bz
-    shares = [0.0] * len(basis)
-    for i in range(len(basis) - 1, -1, -1):
-        rest = along[i] - sum(upper[j][i] * shares[j] for j in range(i + 1, len(basis)))
-        shares[i] = rest / upper[i][i] if upper[i][i] > 0.0 else 0.0
-    return shares, (x, y, z)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from common.geometry.rotation import quat_rotate
 from common.messages import Obstacle
 from onboard.limiter.config import LimiterConfig
-from onboard.limiter.constraints import Bounds, nearest_ahead
+from onboard.limiter.constraints import Bounds, Motion, nearest_ahead, obstacle_rows, plain_rows
 from onboard.limiter.law import stoppable
 from onboard.limiter.limiter import bounded, bounded_many, limit
 from onboard.limiter.project import project
@@ -134,6 +134,21 @@ def test_what_is_not_finite_stands_still(asked, obstacles, bad, where, config):
         assert limit(asked, around, config).ned_v_m_s == (0.0, 0.0, 0.0)
     assert limit(asked, None, config).ned_v_m_s == (0.0, 0.0, 0.0)
     assert limit(asked, Surroundings(), config).ned_v_m_s == asked
+
+
+@given(st.lists(_VELOCITY, min_size=4, max_size=4), _OBSTACLES, _CONFIG)
+@_FAST
+def test_the_compiled_half_spaces_are_those_of_the_law_as_it_is_written(velocities, obstacles, config):
+    around, motion = of_obstacles(obstacles), Motion(*np.array(velocities))
+    h, n, v = around.distance_m, around.ned_direction, around.ned_v_m_s
+    rows = obstacle_rows(h, n, v, motion, config)
+    for compiled, plain in zip(rows, plain_rows(h, n, v, motion, config), strict=True):
+        assert compiled.shape == plain.shape and np.allclose(compiled, plain, rtol=0.0, atol=1e-9)
+    two = obstacle_rows(
+        np.stack([h, h]), np.stack([n, n]), np.stack([v, v]), Motion(*np.stack([motion] * 2, 1)), config
+    )
+    for many, one in zip(two, rows, strict=True):
+        assert (many == one).all()
 
 
 _ROWS = st.lists(st.tuples(_unit(), st.floats(-0.5, 2.0)), min_size=1, max_size=12)

@@ -1,0 +1,263 @@
+"""Compiled forms of the limiter's two hot loops: the half-spaces of obstacles, and the projection onto half-spaces.
+
+`fill_rows` gives what `onboard.limiter.constraints.plain_rows` gives, the law as it is written down and explained; a
+test holds the two together. `fill_projections` is the one form of `onboard.limiter.project.project`.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+PROPOSED, TTI, DPF = range(3)
+"""Strategies."""
+(
+    STRATEGY,
+    H_MIN,
+    H_DESIRED,
+    H_MAX,
+    BAND,
+    V_MAX,
+    DPF_MIN,
+    DPF_MID,
+    DPF_MAX,
+    DPF_V_MID,
+    DPF_V_MAX,
+    DELAY,
+    DECELERATION,
+    LEAD,
+    BRAKE,
+    MARGIN,
+    FORESIGHT,
+    PUSH,
+    PUSH_GAIN,
+    FULL_FROM,
+    HELD_FROM,
+    YIELD,
+) = range(22)
+"""Places of the law's numbers in the array that `fill_rows` takes; names as in `LimiterConfig`."""
+ASKED, INTENDED, FLOWN, BRAKING = range(4)
+"""Places of the velocities of `constraints.Motion`."""
+
+_MOST_ACTIVE = 4
+_STEPS = 200
+_PARALLEL = 1e-10
+
+
+@njit(inline="always")
+def _clipped(value, low, high):  # type: ignore[no-untyped-def]
+    return min(max(value, low), high)
+
+
+@njit(inline="always", error_model="numpy")
+def _stoppable(room, law):  # type: ignore[no-untyped-def]
+    """`law.stoppable` without an obstacle that comes nearer."""
+    linear = law[DECELERATION] * law[DELAY]
+    return math.sqrt(linear * linear + 2.0 * law[DECELERATION] * max(room, 0.0)) - linear
+
+
+@njit(error_model="numpy")
+def _repulsion(h, v_i, law):  # type: ignore[no-untyped-def]
+    """`law.repulsion`."""
+    grown = min(v_i / law[FULL_FROM], 1.0)
+    if law[STRATEGY] == DPF:
+        if h <= law[DPF_MIN]:
+            return law[DPF_V_MAX] * grown
+        if h >= law[DPF_MAX]:
+            return 0.0
+        if h < law[DPF_MID]:
+            slope = (law[DPF_V_MID] - law[DPF_V_MAX]) / (law[DPF_MID] - law[DPF_MIN])
+            return (slope * (h - law[DPF_MIN]) + law[DPF_V_MAX]) * grown
+        slope = -law[DPF_V_MID] / (law[DPF_MAX] - law[DPF_MID])
+        return (slope * (h - law[DPF_MID]) + law[DPF_V_MID]) * grown
+    near, desired = max(h, law[H_MIN]), law[H_DESIRED]
+    if law[STRATEGY] == TTI:
+        v_rep = v_i * (desired / near)
+    else:
+        ratio = desired / law[H_MIN]
+        v_max = max(law[V_MAX], v_i * (ratio / (2.0 - law[H_MIN] / desired)))
+        b = (v_max - v_i * ratio) / (1.0 / law[H_MIN] ** 2 - 1.0 / (law[H_MIN] * desired))  # eq. 21
+        a = v_i * desired - b / desired
+        v_rep = max((a + b / near) / near, 0.0) * grown  # eq. 20
+    share = _clipped((law[H_MAX] - h) / law[BAND], 0.0, 1.0)
+    return v_rep * (share * share * (3.0 - 2.0 * share))
+
+
+@njit(error_model="numpy")
+def _curve(h, asked, intended, flown, closing, law):  # type: ignore[no-untyped-def]
+    """`constraints.curve`, from components towards the obstacle."""
+    wanted = max(asked, intended, 0.0)
+    v_i = max(wanted, flown) + max(closing, 0.0)
+    reference = wanted - _repulsion(h, v_i, law)  # eq. 19
+    back = min((law[H_DESIRED] - h) * law[PUSH_GAIN], law[PUSH])
+    reference = max(reference, -max(back, 0.0))
+    beyond = _clipped((h - law[H_MAX]) / law[BAND], 0.0, 1.0)
+    if beyond > 0.0:
+        return max(reference, beyond * _stoppable(h - law[H_MIN], law))
+    return reference
+
+
+@njit(error_model="numpy")
+def _foreseen_s(h, along, speed2, law):  # type: ignore[no-untyped-def]
+    """When a moving obstacle counts in `constraints.nearest_ahead`; `along` is r·v."""
+    if along >= 0.0 or h <= law[H_MIN]:
+        return 0.0
+    safe2 = max(speed2, 1e-9)
+    t_s = -along / safe2
+    root = along * along - safe2 * (h * h - law[H_MIN] ** 2)
+    if root > 0.0:
+        t_s = min(t_s, (-along - math.sqrt(root)) / safe2)
+    return _clipped(t_s, 0.0, law[FORESIGHT])
+
+
+@njit(inline="always")
+def _dot(vectors, k, other):  # type: ignore[no-untyped-def]
+    return vectors[k, 0] * other[0] + vectors[k, 1] * other[1] + vectors[k, 2] * other[2]
+
+
+@njit(error_model="numpy")
+def _hard(room, flown, braking, law):  # type: ignore[no-untyped-def]
+    """Bound and excess of `constraints.braking_bound`, from components along the normal."""
+    bound = _stoppable(room, law)
+    excess = max(flown - bound, 0.0)
+    less = law[LEAD] * excess + max(braking, 0.0) * min(excess / law[HELD_FROM], 1.0)
+    return max(bound - less, min(bound, -law[BRAKE])), excess
+
+
+# A given signature compiles when the module is imported (and is kept on disk), not when the first obstacle appears.
+@njit(
+    "void(f8[:,::1],f8[:,:,::1],f8[:,:,::1],f8[:,:,::1],f8[::1],f8[:,:,::1],f8[:,::1],f8[:,::1])",
+    cache=True,
+    nogil=True,
+    error_model="numpy",
+)
+def fill_rows(distances, units, velocities, motions, law, normals, bounds, excess):  # type: ignore[no-untyped-def]
+    """Curve and bound of each obstacle of each vehicle as half-spaces, the curves first: `constraints.plain_rows`.
+
+    Args:
+        distances: (N, K), m.
+        units: unit vectors towards the obstacles, (N, K, 3).
+        velocities: of the obstacles, (N, K, 3), m/s.
+        motions: of the vehicles, (N, 4, 3), m/s.
+        law: the law's numbers, (22,).
+        normals: (N, 2 K, 3), written.
+        bounds: (N, 2 K), m/s, written.
+        excess: (N, 2 K), m/s, written.
+    """
+    count = distances.shape[1]
+    for i in range(distances.shape[0]):
+        unit, v, motion, normal = units[i], velocities[i], motions[i], normals[i]
+        for k in range(count):
+            h = distances[i, k]
+            along = unit[k, 0] * v[k, 0] + unit[k, 1] * v[k, 1] + unit[k, 2] * v[k, 2]
+            asked, intended = _dot(unit, k, motion[ASKED]), _dot(unit, k, motion[INTENDED])
+            flown = _dot(unit, k, motion[FLOWN])
+            for axis in range(3):
+                normal[k, axis] = normal[count + k, axis] = unit[k, axis]
+            bounds[i, k], excess[i, k] = _curve(h, asked, intended, flown, -along, law), 0.0
+            last, ahead = count + k, h
+            speed2 = v[k, 0] * v[k, 0] + v[k, 1] * v[k, 1] + v[k, 2] * v[k, 2]
+            t_s = _foreseen_s(h, along * h, speed2, law)
+            if t_s > 0.0:
+                x, y = h * unit[k, 0] + t_s * v[k, 0], h * unit[k, 1] + t_s * v[k, 1]
+                z = h * unit[k, 2] + t_s * v[k, 2]
+                size = math.sqrt(x * x + y * y + z * z)
+                if size > 1e-6:
+                    ahead = size
+                    normal[last, 0], normal[last, 1], normal[last, 2] = x / size, y / size, z / size
+            flown, braking = _dot(normal, last, motion[FLOWN]), _dot(normal, last, motion[BRAKING])
+            bound, over = _hard(ahead - law[H_MIN] - law[MARGIN], flown, braking, law)
+            closing = _clipped(-along / law[YIELD], 0.0, 1.0)
+            back = closing * _clipped((law[H_DESIRED] - ahead) * law[PUSH_GAIN], 0.0, law[PUSH])
+            bounds[i, last], excess[i, last] = min(bound, -back) if back > 0.0 else bound, over
+
+
+@njit(error_model="numpy")
+def _split(n, active, count, normals, shares, rest, basis, upper):  # type: ignore[no-untyped-def]
+    """Shares of the active normals in n by least squares; in `rest` what of n is at right angles to all of them."""
+    for j in range(count):  # Gram-Schmidt: a_j = sum_i upper[j, i] basis_i
+        x, y, z = normals[active[j], 0], normals[active[j], 1], normals[active[j], 2]
+        for i in range(j):
+            dot = x * basis[i, 0] + y * basis[i, 1] + z * basis[i, 2]
+            x, y, z = x - dot * basis[i, 0], y - dot * basis[i, 1], z - dot * basis[i, 2]
+            upper[j, i] = dot
+        size = math.sqrt(x * x + y * y + z * z)
+        scale = 1.0 / size if size > 0.0 else 0.0
+        basis[j, 0], basis[j, 1], basis[j, 2], upper[j, j] = x * scale, y * scale, z * scale, size
+    x, y, z = n[0], n[1], n[2]
+    for i in range(count):
+        dot = x * basis[i, 0] + y * basis[i, 1] + z * basis[i, 2]
+        x, y, z = x - dot * basis[i, 0], y - dot * basis[i, 1], z - dot * basis[i, 2]
+        shares[i] = dot
+    rest[0], rest[1], rest[2] = x, y, z
+    for i in range(count - 1, -1, -1):
+        left = shares[i]
+        for j in range(i + 1, count):
+            left -= upper[j, i] * shares[j]
+        shares[i] = left / upper[i, i] if upper[i, i] > 0.0 else 0.0
+
+
+@njit(error_model="numpy")
+def _join(worst, bound, normals, v, active, multipliers, count):  # type: ignore[no-untyped-def]
+    """Make a violated half-space active, dropping those in its way; how many are active then. Changes v."""
+    own = 0.0
+    n, rest, shares = normals[worst], np.empty(3), np.empty(_MOST_ACTIVE)
+    basis, upper = np.empty((_MOST_ACTIVE, 3)), np.empty((_MOST_ACTIVE, _MOST_ACTIVE))
+    while True:
+        _split(n, active, count, normals, shares, rest, basis, upper)
+        size = rest[0] * rest[0] + rest[1] * rest[1] + rest[2] * rest[2]
+        step, leaving = math.inf, -1
+        if size > _PARALLEL:
+            step = (n[0] * v[0] + n[1] * v[1] + n[2] * v[2] - bound) / size
+        for j in range(count):
+            if shares[j] > 1e-12 and multipliers[j] / shares[j] < step:
+                step, leaving = multipliers[j] / shares[j], j
+        if math.isinf(step):
+            return count
+        for j in range(count):
+            multipliers[j] -= step * shares[j]
+        own += step
+        if size > _PARALLEL:
+            v[0], v[1], v[2] = v[0] - step * rest[0], v[1] - step * rest[1], v[2] - step * rest[2]
+        if leaving < 0:
+            active[count], multipliers[count] = worst, own
+            return count + 1
+        count -= 1
+        for j in range(leaving, count):
+            active[j], multipliers[j] = active[j + 1], multipliers[j + 1]
+
+
+@njit("b1[::1](f8[:,::1],f8[:,:,::1],f8[:,::1],f8,f8[:,::1])", cache=True, nogil=True, error_model="numpy")
+def fill_projections(asked, normals, bounds, tolerance, projected):  # type: ignore[no-untyped-def]
+    """Nearest velocities with v·n_k <= bound_k for all k: `project.project_many`.
+
+    Args:
+        asked: velocities, (N, 3), m/s.
+        normals: unit vectors, (N, K, 3).
+        bounds: (N, K), m/s, not negative.
+        tolerance: what a bound may be exceeded by, m/s.
+        projected: (N, 3), written.
+
+    Returns:
+        (N,), whether it ended; where not, the steps ran out.
+    """
+    ended = np.zeros(len(asked), np.bool_)
+    active, multipliers = np.zeros(_MOST_ACTIVE, np.int64), np.zeros(_MOST_ACTIVE)
+    for i in range(asked.shape[0]):
+        v, normal, count = projected[i], normals[i], 0
+        v[0], v[1], v[2] = asked[i, 0], asked[i, 1], asked[i, 2]
+        for _ in range(_STEPS):
+            worst, most = -1, tolerance
+            for k in range(normal.shape[0]):
+                over = _dot(normal, k, v) - bounds[i, k]
+                if not over <= most:  # what is not a number counts as exceeded
+                    worst, most = k, over
+            if worst < 0:
+                ended[i] = True
+                break
+            if count == _MOST_ACTIVE:  # in space at most three are active; this would be rounding gone wild
+                break
+            count = _join(worst, bounds[i, worst], normal, v, active, multipliers, count)
+    return ended
