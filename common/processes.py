@@ -97,6 +97,7 @@ SECTIONS: dict[str, str] = {
     "approach": "onboard.approach.config:ApproachConfig",
     "tracker": "common.tracking.config:ParticleFilterConfig",
     "dsst": "common.tracking.dsst_config:DsstConfig",
+    "cmt": "common.tracking.cmt_config:CmtConfig",
     "mil": "common.tracking.mil_config:MilConfig",
     "hab_df": "onboard.fusion.config:HabDfConfig",
     "fusion": "onboard.fusion.config:FusionConfig",

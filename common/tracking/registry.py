@@ -13,6 +13,7 @@ from common.tracking.base import Tracker
 TRACKERS = {
     "particle_filter": "common.tracking.particle_filter:ParticleFilterTracker",
     "dsst": "common.tracking.dsst:DsstTracker",
+    "cmt": "common.tracking.cmt:CmtTracker",
     "mil": "common.tracking.mil:MilTracker",
     "hab-df": "onboard.fusion.tracker:HabDfTracker",
 }

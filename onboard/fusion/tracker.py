@@ -45,6 +45,7 @@ class Character(Section, frozen=True, kw_only=True):
 
 CHARACTERS = {
     "dsst": Character(place=0.03, size=0.05),
+    "cmt": Character(place=0.06, size=0.1),
     "particle_filter": Character(place=0.1, size=0.2, vouches=0.4),
     "mil": Character(place=0.15, size=0.4, vouches=0.2),
 }

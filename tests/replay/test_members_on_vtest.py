@@ -12,13 +12,18 @@ from common.processes import load_config
 from onboard.fusion.tracker import HabDfTracker
 from tests.replay.test_vtest_person import _boxes
 
+STRONG = ("dsst", "cmt")
+"""Members that hold him alone."""
+
 
 def test_person_is_followed_until_the_last_box() -> None:
     boxes = _boxes()
-    config = load_config(None, ['hab_df.members=["dsst", "particle_filter"]'])
+    names = ("dsst", "cmt", "particle_filter")
+    config = load_config(None, [f"hab_df.members=[{', '.join(f'{n!r}' for n in names)}]"])
     fused = HabDfTracker.make(config, np.random.default_rng(1))
     video = cv2.VideoCapture(str(sample_video()))
-    overlaps, offsets = {"dsst": [], "hab-df": []}, []
+    overlaps: dict[str, list[float]] = {name: [] for name in ("hab-df", *STRONG)}
+    offsets = []
     for number in range(max(boxes) + 1):
         ok, frame = video.read()
         assert ok
@@ -29,7 +34,8 @@ def test_person_is_followed_until_the_last_box() -> None:
             if number in boxes:
                 x, y, w, h = boxes[number]
                 overlaps["hab-df"].append(result.overlap(boxes[number]))
-                overlaps["dsst"].append(fused.answers["dsst"].overlap(boxes[number]))
+                for name in STRONG:
+                    overlaps[name].append(fused.answers[name].overlap(boxes[number]))
                 offsets.append(math.dist(result.center_px, (x + w / 2, y + h / 2)))
     assert min(np.mean(values) for values in overlaps.values()) > 0.75
     assert np.median(offsets) < 4.0

@@ -1,0 +1,34 @@
+"""Sparse optical flow with the forward-backward check of Kalal et al. 2010 (DOI 10.1109/ICPR.2010.675)."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+_WINDOW_PX = 15
+_LEVELS = 3
+_STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.03)
+
+
+def follow_points(before: np.ndarray, after: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where points of one picture are in the next, and how far each comes back from where it was, px.
+
+    Args:
+        before: (H, W) uint8.
+        after: (H, W) uint8.
+        points: (n, 2) float, x, y.
+
+    Returns:
+        Places (n, 2) float32, and the forward-backward errors (n,) float32: infinite where the flow lost the point.
+    """
+    if not len(points):
+        return np.zeros((0, 2), np.float32), np.zeros(0, np.float32)
+    start = np.ascontiguousarray(points, np.float32).reshape(-1, 1, 2)
+    options = {"winSize": (_WINDOW_PX, _WINDOW_PX), "maxLevel": _LEVELS, "criteria": _STOP}
+    there, seen, _ = cv2.calcOpticalFlowPyrLK(before, after, start, None, **options)  # pyright: ignore[reportCallIssue, reportArgumentType]
+    back, seen_back, _ = cv2.calcOpticalFlowPyrLK(after, before, there, None, **options)  # pyright: ignore[reportCallIssue, reportArgumentType]
+    error = np.linalg.norm((back - start)[:, 0], axis=1).astype(np.float32)
+    rows, columns = after.shape
+    inside = ((there[:, 0] >= 0) & (there[:, 0] < (columns, rows))).all(axis=1)
+    error[(seen.ravel() == 0) | (seen_back.ravel() == 0) | ~inside] = np.inf
+    return there[:, 0], error
