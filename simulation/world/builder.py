@@ -7,13 +7,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from simulation.world.body_paint import paint
+from simulation.world.debris import add_thing
 from simulation.world.gl import mujoco
 from simulation.world.ground import GroundPainter
 from simulation.world.layout import SHADOW_NE_PER_M, House, Tree, lay_out
 from simulation.world.meshes import Mesh, car_mesh, crown_mesh, gable_mesh
-from simulation.world.objects import add_barrel, add_person, add_vehicle_point, add_wall, yaw_quat
+from simulation.world.objects import add_barrel, add_vehicle_point, add_wall, yaw_quat
 from simulation.world.objects_config import rgb
 from simulation.world.path import CarPath
+from simulation.world.people import add_person, outfit_of
 from simulation.world.scenario import CarConfig, OccluderConfig, ScenarioConfig
 from simulation.world.textures import Picture, car_paint, leaves, planks, roof_tiles
 
@@ -49,10 +52,10 @@ class SceneBuilder:
         layout = lay_out(scenario, path, self._rng)
         painter = GroundPainter(scenario.ground, layout, scenario.occluders, self._rng)
         self._ground(painter, scenario.ground.size_m)
-        crowns = [self._material(leaves(self._rng, 384, colour)) for colour in _TREE_COLOURS]
+        crowns = [self.material(leaves(self._rng, 384, colour)) for colour in _TREE_COLOURS]
         for tree in layout.trees:
             self._tree(tree, crowns[tree.shade])
-        roofs = [self._material(roof_tiles(self._rng, 256, colour)) for colour in _ROOF_COLOURS]
+        roofs = [self.material(roof_tiles(self._rng, 256, colour)) for colour in _ROOF_COLOURS]
         for house in layout.houses:
             self._house(house, roofs[house.shade])
         for occluder in scenario.occluders:
@@ -66,8 +69,11 @@ class SceneBuilder:
             add_barrel(world, f"barrel {number}", barrel, OCCLUDER_GROUP)
         for number, wall in enumerate(scenario.walls, 1):
             add_wall(world, f"wall {number}", wall, OCCLUDER_GROUP)
+        for number, thing in enumerate(scenario.things, 1):
+            add_thing(self, f"thing {number}", thing, np.random.default_rng((scenario.seed, number, 6)), OCCLUDER_GROUP)
         for number, person in enumerate(scenario.people, 1):
-            add_person(world, f"person {number}", person, MOVING_GROUP)
+            rng = np.random.default_rng((scenario.seed, number, 5))
+            add_person(self, f"person {number}", person, self.material(paint(rng, outfit_of(person))), MOVING_GROUP)
         add_vehicle_point(world, HIDDEN_GROUP)
 
     def _light(self) -> None:
@@ -85,7 +91,7 @@ class SceneBuilder:
             ambient=[0, 0, 0],
         )
 
-    def _material(
+    def material(
         self, picture: Picture, repeat: tuple[float, float] = (1.0, 1.0), uniform: bool = False, shine: float = 0.0
     ) -> str:
         """Name of a new material that shows a picture."""
@@ -101,7 +107,8 @@ class SceneBuilder:
         material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
         return name
 
-    def _mesh(self, mesh: Mesh) -> str:
+    def mesh(self, mesh: Mesh) -> str:
+        """Name of a new mesh."""
         name = f"g{len(self.spec.meshes)}"
         self.spec.add_mesh(
             name=name,
@@ -120,7 +127,7 @@ class SceneBuilder:
             type=mujoco.mjtGeom.mjGEOM_PLANE,
             size=[size_m / 2, size_m / 2, 1],
             group=GROUND_GROUP,
-            material=self._material(picture),
+            material=self.material(picture),
             quat=_PLANE_QUAT,
         )
         world.add_geom(
@@ -128,12 +135,12 @@ class SceneBuilder:
             size=[_FIELD_M, _FIELD_M, 1],
             pos=[0, 0, -0.02],
             group=GROUND_GROUP,
-            material=self._material(painter.field_tile(), (0.14, 0.14), uniform=True),
+            material=self.material(painter.field_tile(), (0.14, 0.14), uniform=True),
         )
 
     def _tree(self, tree: Tree, material: str) -> None:
         n, e = tree.ne_m
-        crown = self._mesh(crown_mesh(self._rng, tree.radius_m, 0.75))
+        crown = self.mesh(crown_mesh(self._rng, tree.radius_m, 0.75))
         world = self.spec.worldbody
         world.add_geom(
             type=mujoco.mjtGeom.mjGEOM_MESH,
@@ -160,7 +167,7 @@ class SceneBuilder:
             rgba=_WALL,
             group=OCCLUDER_GROUP,
         )
-        roof = self._mesh(gable_mesh(house.length_m, house.width_m, house.rise_m))
+        roof = self.mesh(gable_mesh(house.length_m, house.width_m, house.rise_m))
         body.add_geom(
             type=mujoco.mjtGeom.mjGEOM_MESH,
             meshname=roof,
@@ -182,7 +189,7 @@ class SceneBuilder:
         )
         half_l, half_w, top = bridge.span_m / 2, bridge.width_m / 2, bridge.height_m
         # Boards lie across the deck: the picture's boards run along its columns, which are the deck's y axis.
-        wood = self._material(planks(self._rng, 512, (150, 112, 74), 24))
+        wood = self.material(planks(self._rng, 512, (150, 112, 74), 24))
         box = mujoco.mjtGeom.mjGEOM_BOX
         body.add_geom(
             type=box, size=[half_l, half_w, 0.04], pos=[0, 0, top - 0.04], material=wood, group=OCCLUDER_GROUP
@@ -214,11 +221,11 @@ class SceneBuilder:
     def _car(self, car: CarConfig) -> None:
         body = self.spec.worldbody.add_body(mocap=True)
         paint = car_paint(self._rng, rgb(car.bonnet), rgb(car.roof), rgb(car.boot), rgb(car.stripe))
-        shell = self._mesh(car_mesh(car.length_m, car.width_m, car.height_m))
+        shell = self.mesh(car_mesh(car.length_m, car.width_m, car.height_m))
         body.add_geom(
             type=mujoco.mjtGeom.mjGEOM_MESH,
             meshname=shell,
-            material=self._material(paint, shine=0.3),
+            material=self.material(paint, shine=0.3),
             group=MOVING_GROUP,
         )
         wheel = 0.2 * car.height_m

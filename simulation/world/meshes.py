@@ -129,3 +129,58 @@ def gable_mesh(length_m: float, width_m: float, rise_m: float, overhang_m: float
     faces = np.array([(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7), (8, 9, 10), (11, 12, 13)])
     uv = np.array(quad_uv + quad_uv + [(0.02, 0.02)] * 6)
     return Mesh(np.concatenate((slopes, gables)), faces.astype(np.int32), uv)
+
+
+def lump_mesh(rng: np.random.Generator, half_m: Array, roughness: float, blunt: float = 2.0) -> Mesh:
+    """Something roundish around the origin: an ellipsoid with lumps.
+
+    Args:
+        rng: the lumps.
+        half_m: (3,) half axes, m.
+        roughness: standard deviation of the lumps, as a fraction of the radius.
+        blunt: exponent of the superellipse along x: 2 for an ellipsoid, more for a roll with flat ends.
+    """
+    rings, sectors = 9, 14
+    polar, turn = np.linspace(0.02, np.pi - 0.02, rings), np.linspace(0.0, 2 * np.pi, sectors + 1)
+    lumps = 1.0 + roughness * rng.normal(size=(rings, sectors)).clip(-2.0, 2.0)
+    lumps[[0, -1]] = 1.0
+    lumps = np.concatenate((lumps, lumps[:, :1]), axis=1)
+    along = np.cos(polar)
+    girth = (1.0 - np.abs(along) ** blunt) ** (1.0 / blunt)
+    x = half_m[0] * along[:, None] * np.ones(sectors + 1)
+    y = half_m[1] * (girth[:, None] * lumps) * np.cos(turn)
+    z = half_m[2] * (girth[:, None] * lumps) * np.sin(turn)
+    return _wrapped(np.stack((x, y, z), axis=-1))
+
+
+def ring_mesh(radius_m: float, thickness_m: float) -> Mesh:
+    """Torus around z at the origin.
+
+    Args:
+        radius_m: of the middle of the tube, m.
+        thickness_m: radius of the tube, m.
+    """
+    around, tube = np.linspace(0.0, 2 * np.pi, 21), np.linspace(0.0, 2 * np.pi, 11)
+    reach = radius_m + thickness_m * np.cos(tube)[None, :]
+    x, y = reach * np.cos(around)[:, None], reach * np.sin(around)[:, None]
+    z = np.broadcast_to(thickness_m * np.sin(tube)[None, :], x.shape)
+    return _wrapped(np.stack((x, y, z), axis=-1))
+
+
+def _wrapped(grid: Array) -> Mesh:
+    """Mesh of a grid (A, B, 3) that closes upon itself, its picture stretched over it once."""
+    rows, columns = grid.shape[:2]
+    index = np.arange(rows * columns).reshape(rows, columns)
+    a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
+    faces = np.concatenate((np.stack((a, b, c), -1).reshape(-1, 3), np.stack((a, c, d), -1).reshape(-1, 3)))
+    vertices = grid.reshape(-1, 3)
+    uv = np.stack(
+        np.broadcast_arrays(np.linspace(0.0, 1.0, columns)[None, :], np.linspace(0.0, 1.0, rows)[:, None]), -1
+    )
+    return Mesh(vertices, outward(vertices, faces).astype(np.int32), uv.reshape(-1, 2))
+
+
+def outward(vertices_m: Array, faces: NDArray[np.int_]) -> NDArray[np.int_]:
+    """Faces of a closed surface, anticlockwise seen from outside: turned round where they enclose a negative volume."""
+    a, b, c = (vertices_m[faces[:, k]] for k in range(3))
+    return faces if float(np.einsum("ij,ij", a, np.cross(b, c))) > 0 else faces[:, ::-1]

@@ -1,14 +1,15 @@
-"""Things that stand or walk in the simulated world, in the scenario file: barrels, walls, people."""
+"""Things that stand or walk in the simulated world, in the scenario file: barrels, walls, debris, people."""
 
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 
 from common.config import ConfigError, Positive, Section
 from simulation.world.path_config import PathConfig
+from simulation.world.stances import Posture
 
 Colour = Annotated[str, msgspec.Meta(pattern="^#[0-9a-fA-F]{6}$")]
 
@@ -53,22 +54,57 @@ class WallConfig(Section, frozen=True, kw_only=True):
             raise ConfigError(f"start, end: got {self.start} and {self.end}, expected two different points")
 
 
+class ThingConfig(Section, frozen=True, kw_only=True):
+    """Something that lies about and is no person: debris, luggage, a figure without human shape."""
+
+    kind: Literal["rock", "rubble", "planks", "crate", "bag", "pipe", "tyre", "branch", "dummy"] = "rock"
+    """What it is. `dummy`: a roll as long as a person, without head or limbs."""
+    north_m: float
+    """Centre, north, m."""
+    east_m: float
+    """Centre, east, m."""
+    heading_deg: float = 0.0
+    """Where its longest side points, degrees."""
+    size_m: Annotated[float, msgspec.Meta(ge=0.05, le=4.0)] = 0.6
+    """Longest side, m."""
+    colour: Colour = "#8a857c"
+    """Colour."""
+
+
 class PersonConfig(Section, frozen=True, kw_only=True):
-    """A person who stands, or walks along a way."""
+    """A person who lies, sits, stands, waves or jumps at a place, or walks along a way."""
 
     north_m: float = 0.0
-    """Place of one who stands, north, m."""
+    """Place of the hips of one who does not walk, north, m."""
     east_m: float = 0.0
-    """Place of one who stands, east, m."""
+    """The same, east, m."""
     heading_deg: float = 0.0
-    """Where one who stands looks, degrees."""
+    """Where one who stands or sits looks, and where the head of one who lies is, degrees."""
+    posture: Posture = "standing"
+    """What they do while they do not walk. `side`: lying on the right side."""
+    limbs: Annotated[int, msgspec.Meta(ge=0)] = 0
+    """Number that sets how arms and legs lie: any other, another way."""
     height_m: Annotated[float, msgspec.Meta(ge=0.5, le=2.5)] = 1.75
     """Height, m."""
+    build: Annotated[float, msgspec.Meta(ge=0.7, le=1.5)] = 1.0
+    """Factor on the girths of trunk and limbs."""
     shirt: Colour = "#d9480f"
     """Colour of the upper body and arms."""
+    pattern: Annotated[int, msgspec.Meta(ge=0, le=4)] = 0
+    """What the shirt looks like: 0 plain, 1 buttons, 2 stripes, 3 an open jacket over a light shirt, 4 a print."""
+    short_sleeves: bool = False
+    """Whether the forearms are bare."""
     trousers: Colour = "#2b3440"
     """Colour of the legs."""
+    shorts: bool = False
+    """Whether the shins are bare."""
+    shoes: Colour = "#2a2522"
+    """Colour of shoes and belt."""
     skin: Colour = "#c99a77"
-    """Colour of the head."""
+    """Colour of face, neck and hands."""
+    hair: Colour = "#3a2a1e"
+    """Colour of the hair."""
+    long_hair: bool = False
+    """Whether it covers the neck."""
     path: PathConfig = PathConfig()
     """Way of one who walks; in `ping_pong` they turn round at the ends."""

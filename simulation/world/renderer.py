@@ -126,6 +126,29 @@ class Renderer:
             depth = cv2.remap(depth, *self._remap, cv2.INTER_NEAREST)
         return depth.astype(np.float32, copy=False)
 
+    def bodies(self, ned_p_camera_m: ArrayLike, ned_q_camera: ArrayLike) -> NDArray[np.int32]:
+        """What each pixel (height, width) of the same view shows: the number of the root body that it belongs to, 0 for
+        the ground and everything else that is fixed to the world."""
+        position, attitude = np.asarray(ned_p_camera_m, dtype=float), np.asarray(ned_q_camera, dtype=float)
+        self._scene.show_near(position, self._reach(position, attitude))
+        self._view.flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = self._view.flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1
+        try:
+            self._aim(position, attitude, self._untextured)
+            mujoco.mjr_render(self._rect, self._view, self._gl)
+        finally:
+            self._view.flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = self._view.flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 0
+        mujoco.mjr_readPixels(self._rgb, None, self._rect, self._gl)
+        # The colours count the drawn geoms from 1; 0 is where nothing was drawn.
+        model, root_of = self._scene.model, np.zeros(self._view.ngeom + 1, np.int32)
+        for geom in self._view.geoms[: self._view.ngeom]:
+            if geom.segid >= 0 and geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
+                root_of[geom.segid + 1] = model.body_rootid[model.geom_bodyid[geom.objid]]
+        numbers = self._rgb.astype(np.int32) @ np.array([1, 256, 65536], np.int32)
+        shown = cv2.flip(root_of[np.minimum(numbers, self._view.ngeom)], 0)
+        if self._remap is not None:
+            shown = cv2.remap(shown.astype(np.float32), *self._remap, cv2.INTER_NEAREST)
+        return shown.astype(np.int32, copy=False)
+
     def _aim(self, ned_p_camera_m: Array, ned_q_camera: Array, option: Any) -> None:
         mujoco.mjv_updateScene(
             self._scene.model,

@@ -12,7 +12,7 @@ import msgspec
 
 from common.config import ConfigError, Fraction, NonNegative, Positive, Section, build, find_file, read_toml
 from simulation.world.depth_config import DepthFaultConfig, DepthNoiseConfig
-from simulation.world.objects_config import BarrelConfig, Colour, PersonConfig, WallConfig
+from simulation.world.objects_config import BarrelConfig, Colour, PersonConfig, ThingConfig, WallConfig
 from simulation.world.path_config import PathConfig
 
 
@@ -179,8 +179,10 @@ class ScenarioConfig(Section, frozen=True, kw_only=True):
     """Barrels."""
     walls: tuple[WallConfig, ...] = ()
     """Walls."""
+    things: tuple[ThingConfig, ...] = ()
+    """Debris and other things that are no people."""
     people: tuple[PersonConfig, ...] = ()
-    """People, standing or walking."""
+    """People."""
     light: LightConfig = LightConfig()
     """Daylight."""
     sensor: SensorConfig = SensorConfig()

@@ -18,8 +18,9 @@ from simulation.world.builder import HIDDEN_GROUP, OCCLUDER_GROUP, SceneBuilder
 from simulation.world.gl import mujoco
 from simulation.world.layout import SHADOW_NE_PER_M
 from simulation.world.meshes import CAR_BELT
-from simulation.world.objects import VEHICLE_POINT, StandingObject, Walker, standing_objects
+from simulation.world.objects import VEHICLE_POINT, StandingObject, standing_objects
 from simulation.world.path import CarPath, car_path
+from simulation.world.people import Person
 from simulation.world.scenario import CarConfig, ScenarioConfig
 
 Array = NDArray[np.float64]
@@ -54,7 +55,8 @@ class Scene:
         self.distractor_paths: tuple[CarPath, ...] = tuple(car_path(c) for c in scenario.distractors)
         self.model = SceneBuilder(scenario, self.path, width, height).spec.compile()
         self.data = mujoco.MjData(self.model)
-        self._walkers = [Walker(self.model, f"person {i}", p) for i, p in enumerate(scenario.people, 1)]
+        self.people = tuple(Person(self.model, f"person {i}", p) for i, p in enumerate(scenario.people, 1))
+        """The people, in the scenario's order."""
         self._objects = standing_objects(self.model, scenario)
         self._props = np.flatnonzero(self.model.geom_group == OCCLUDER_GROUP)
         self._samples_m = _samples(scenario.car)
@@ -74,8 +76,8 @@ class Scene:
         for index, pose in enumerate([car, *distractors]):
             self._put(index, pose.ned_p_m, pose.heading_rad)
         self._put(1 + len(distractors), (float(shadow[0]), float(shadow[1])), np.pi / 4)
-        for walker in self._walkers:
-            walker.place(self.data, walked_s)
+        for person in self.people:
+            person.place(self.data, walked_s)
         self._vehicle_point[:] = vehicle * NWU_FROM_NED
         mujoco.mj_kinematics(self.model, self.data)
 
@@ -84,12 +86,12 @@ class Scene:
         self.data.mocap_quat[mocap] = (np.cos(heading_rad / 2), 0.0, 0.0, -np.sin(heading_rad / 2))
 
     def obstacles(self, walked_s: float) -> tuple[TruthObstacle, ...]:
-        """Every barrel, wall and person, and how near its surface is to the vehicle, as they were placed last.
+        """Every barrel, wall, thing and person, and how near its surface is to the vehicle, as they were placed last.
 
         Args:
             walked_s: time since the people set off, s, for their velocity.
         """
-        velocities = {walker.label: walker.ned_v_m_s(walked_s) for walker in self._walkers}
+        velocities = {person.label: person.ned_v_m_s(walked_s) for person in self.people}
         return tuple(
             self._truth(obstacle, velocities.get(obstacle.label, (0.0, 0.0, 0.0))) for obstacle in self._objects
         )
