@@ -220,7 +220,7 @@ class Node(ABC):
     """Topics it writes."""
     on_demand: dict[str, tuple[str, ...]] = {}
     """Inputs that are subscribed only while somebody reads one of these outputs: so the wish for a heavy stream reaches
-    its source, which then makes none that nobody reads."""
+    its source, which then makes none that nobody reads. A node with another reason to read them overrides `wants`."""
     commands: tuple[str, ...] = ()
     """Commands it answers."""
     trigger: Every | On
@@ -234,6 +234,10 @@ class Node(ABC):
         self.has_reader: Callable[[str], bool] = _everyone_reads
         self.query: Callable[[str, Command], Reply] = _nobody_answers
         self.alive: Callable[[], dict[str, list[int]]] = dict
+
+    def wants(self, topic: str) -> bool:
+        """Whether an input that `on_demand` names is to be read now; asked five times a second."""
+        return any(self.has_reader(output) for output in self.on_demand[topic])
 
     @abstractmethod
     def step(self, inputs: Inputs, t_ns: int) -> Iterable[Output]:

@@ -79,13 +79,13 @@ class Runner:
         self._subscriptions[name] = self.bus.subscribe(name, lambda r: self.store.put(name, r))
 
     def _follow_demand(self) -> None:
-        """Read the inputs that an output with readers needs, and no others."""
+        """Read the inputs on demand that the node wants now, and no others."""
         now_ns = time.monotonic_ns()
         if now_ns < self._next_demand_ns:
             return
         self._next_demand_ns = now_ns + _DEMAND_PERIOD_NS
-        for name, outputs in self.node.on_demand.items():
-            wanted = any(self.bus.has_reader(output) for output in outputs)
+        for name in self.node.on_demand:
+            wanted = self.node.wants(name)
             if wanted and name not in self._subscriptions:
                 self._subscribe(name)
             elif not wanted and name in self._subscriptions:

@@ -108,9 +108,14 @@ class LimiterStatus(Message, frozen=True, kw_only=True):
     sectors_m: tuple[float, ...]
     """Nearest distance in each of 72 sectors of 5 degrees, from north clockwise, m; -1 where nothing is known; the
     range of the source where it sees nothing."""
+    seen: tuple[bool, ...]
+    """Whether each sector was looked at of late and so is free up to its distance; an obstacle in one that was not is
+    remembered, and what lies before it is unknown."""
 
     def check(self) -> None:
         """Refuse what the field docs rule out."""
         super().check()
         if len(self.sectors_m) != SECTORS:
             raise MessageError(f"sectors_m: got {len(self.sectors_m)} sectors, expected {SECTORS}")
+        if len(self.seen) != SECTORS:
+            raise MessageError(f"seen: got {len(self.seen)} sectors, expected {SECTORS}")

@@ -10,7 +10,7 @@ from common.geometry.rotation import euler_from_quat
 from common.topics import health_topic, topic
 from ground.console.alarms import Alarm
 from ground.console.commands import LastCommand
-from ground.console.snapshot import APPROACH, SESSION, STATE, STATUS, TOPICS, TRACK, Snapshot
+from ground.console.snapshot import APPROACH, SESSION, STATE, STATUS, TRACK, Snapshot
 
 _ZONE_CLASS = {"safe": "g", "warning": "o", "transition": "o", "collision": "r", "blind": "d"}
 _OUTCOME_CLASS = {"done": "g", "refused": "o", "failed": "r", "running": "b"}
@@ -193,8 +193,10 @@ def nodes_html(view: Snapshot, nodes: tuple[str, ...], picture_rate_hz: float) -
             f"</tr>"
         )
     ages = ["<tr><th>input</th><th>age</th><th>limit</th></tr>"]
-    for name in TOPICS:
-        age, limit = view.age_ms(name), topic(name).max_age_ms
+    for name, age in view.ages_ms.items():
+        limit = topic(name).max_age_ms
+        if name.startswith("health/"):
+            continue
         look, text = ("d", "none yet") if age < 0 else ("g" if age <= limit else "r", _age(age))
         ages.append(f'<tr><td>{escape(name)}</td><td class="{look}">{text}</td><td class="d">{_age(limit)}</td></tr>')
     rate = row("Pictures", f"{picture_rate_hz:.1f} a second")

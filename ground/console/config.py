@@ -9,6 +9,7 @@ from urllib.parse import urlsplit
 import msgspec
 
 from common.config import ConfigError, Fraction, NonNegative, Port, Positive, Section
+from common.topics import CAMERAS
 
 
 def is_loopback(host: str) -> bool:
@@ -36,6 +37,8 @@ class ConsoleConfig(Section, frozen=True, kw_only=True):
     """PEM file with the certificate's key."""
     port: Port = 8080
     """TCP port of the page."""
+    camera: str = "down"
+    """Camera of the vehicle that the page shows first; the operator may choose another."""
     picture_rate_hz: Annotated[float, msgspec.Meta(gt=0, le=15)] = 15.0
     """Pictures a second that go to each browser, Hz, up to 15."""
     jpeg_quality: Annotated[int, msgspec.Meta(ge=10, le=95)] = 75
@@ -68,6 +71,8 @@ class ConsoleConfig(Section, frozen=True, kw_only=True):
     def check(self) -> None:
         """Refuse a console open to others, values in the wrong order, and essential nodes that are not shown."""
         self._check_access()
+        if self.camera not in CAMERAS:
+            raise ConfigError(f"camera: got {self.camera!r}, expected one of {', '.join(CAMERAS)}")
         if self.battery_empty_fraction > self.battery_low_fraction:
             raise ConfigError(
                 f"battery_empty_fraction: got {self.battery_empty_fraction}, expected at most "

@@ -8,7 +8,8 @@ from collections.abc import Iterable
 import numpy as np
 import viser
 
-from common.config import Config
+from common.config import Config, ConfigError
+from common.geometry.config import CamerasConfig
 from common.geometry.rotation import as_vec3
 from common.messages import Command, VehicleState
 from common.node import Inputs, Node, On, Output
@@ -16,14 +17,14 @@ from common.session import BusConfig
 from ground.console.commands import CHOOSE, SELECT, Commander
 from ground.console.config import ConsoleConfig
 from ground.console.page import Page
-from ground.console.pictures import PictureBoard
+from ground.console.pictures import DrawnBox, PictureBoard
 from ground.console.plot import ErrorHistory
 from ground.console.scene import SceneView
 from ground.console.server import open_server
-from ground.console.snapshot import PICTURE, STATE, STATUS, TRACK, Collector, Snapshot
+from ground.console.snapshot import PURSUIT_CAMERA, STATE, STATUS, TRACK, Collector, Snapshot, picture_topic
 from ground.console.stick import Stick
 from ground.console.stick_link import StickLink
-from ground.console.target import point_on_ray
+from ground.console.target import bearing_rad, point_on_ray
 from ground.console.watch import LifeWatch
 
 _RATE_WINDOW_NS = 3_000_000_000
@@ -33,21 +34,29 @@ class ConsoleNode(Node):
     """Web page for the operator; everything it can do, the command line can do too.
 
     Args:
-        config: sections `console` and `bus` (the vehicle's name).
+        config: sections `console`, `camera` (which cameras there are) and `bus` (the vehicle's name).
         name: node name.
 
     Raises:
-        ConfigError: the address cannot be used or the port is taken.
+        ConfigError: the address cannot be used, the port is taken, or the vehicle lacks the camera to begin with.
     """
 
     outputs = ("helm/request/operator",)
-    trigger = On((PICTURE, TRACK), at_least_every_s=0.05)
 
     def __init__(self, config: Config, name: str):
         super().__init__(config, name)
         settings = config.section(ConsoleConfig)
-        self._collector = Collector(settings.nodes)
+        cameras = tuple(config.section(CamerasConfig).by_name())
+        if settings.camera not in cameras:
+            raise ConfigError(
+                f"console.camera: got {settings.camera!r}, which this vehicle lacks; expected one of "
+                f"{', '.join(cameras)}, or a section [camera.{settings.camera}]"
+            )
+        self._collector = Collector(settings.nodes, cameras, settings.camera)
         self.inputs = self._collector.inputs
+        pictures = tuple(picture_topic(camera) for camera in cameras)
+        self.trigger = On((*pictures, TRACK), at_least_every_s=0.05)
+        self.on_demand = dict.fromkeys(pictures, ())
         self._history = ErrorHistory(settings.history_s)
         self._arrivals_ns: deque[int] = deque()
         self._snapshot: Snapshot | None = None
@@ -56,11 +65,11 @@ class ConsoleNode(Node):
         label = f"Outrider · {config.section(BusConfig).vehicle}"
         self._server = open_server(settings, label, (self._stick_link,))
         self._commander = Commander(lambda command, argument: self.query(command, argument))
-        self._page = Page(self._server, settings, self._commander)
+        self._page = Page(self._server, settings, self._commander, cameras)
         self._scene = SceneView(self._server, settings)
         self._board = PictureBoard(
             settings,
-            on_box=lambda client, command: self._page.notify(client, SELECT, command),
+            on_box=self._choose_in_picture,
             on_refusal=lambda client, reason: self._page.refuse(client, SELECT, reason),
             on_ray=self._choose_thing,
         )
@@ -69,8 +78,13 @@ class ConsoleNode(Node):
         self._server.on_client_disconnect(self._board.remove)
         self._watch.start()
 
+    def wants(self, topic: str) -> bool:
+        """Pictures of one camera at a time: the others stay on the vehicle, as far as the console is concerned."""
+        return topic == picture_topic(self._collector.shown)
+
     def step(self, inputs: Inputs, t_ns: int) -> Iterable[Output]:
         """Take over what is new; ask for what the stick asks for; draw what is due, for those who look."""
+        self._collector.look_through(self._page.camera, t_ns)
         self._collector.collect(inputs)
         self._count_pictures(t_ns)
         view = self._collector.snapshot(inputs, t_ns, self._watch.alive)
@@ -80,11 +94,26 @@ class ConsoleNode(Node):
         self._scene.note(view, self._collector)
         viewers = self._board.viewers
         if viewers:
-            self._board.update(self._collector.pictures, view)
+            self._board.update(self._collector, view)
             self._page.update(view, self._history, len(self._arrivals_ns) / (_RATE_WINDOW_NS / 1e9))
             if not all(viewer.shows_picture for viewer in viewers):
                 self._scene.update(view, self._collector)
         return () if request is None else (request,)
+
+    def _choose_in_picture(self, client: viser.ClientHandle, drawn: DrawnBox) -> None:
+        """A box on the chase's camera selects its target, one on another camera what to approach, by its direction."""
+        if drawn.camera == PURSUIT_CAMERA:
+            self._page.notify(client, SELECT, Command(box_px=drawn.box_px, capture_ns=drawn.capture_ns))
+            return
+        view = self._snapshot
+        camera = None if view is None else view.cameras.get(drawn.camera)
+        state = self._collector.state_at(drawn.capture_ns)
+        if camera is None or state is None:
+            self._page.refuse(client, CHOOSE, "The camera's calibration or the vehicle's attitude is not known yet.")
+            return
+        x, y, width, height = drawn.box_px
+        bearing = bearing_rad(camera, state, x + width / 2, y + height / 2)
+        self._page.notify(client, CHOOSE, Command(bearing_rad=bearing))
 
     def _choose_thing(self, client: viser.ClientHandle, event: viser.SceneClickEvent) -> None:
         """A click on an obstacle of the 3-D view selects it for the approach; one elsewhere means nothing."""

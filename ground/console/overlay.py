@@ -99,6 +99,27 @@ class Painter:
             _dashed(picture, corners, colour)
         cv2.drawMarker(picture, (round(track.x_px), round(track.y_px)), colour, cv2.MARKER_CROSS, 10, 1, cv2.LINE_AA)
 
+    def mark(self, picture: Pixels, x_px: float, y_px: float, word: str, colour: Colour) -> None:
+        """Draw corners around a place and a word below them; nothing where it lies outside the picture."""
+        height, width = picture.shape[:2]
+        if not (0.0 <= x_px < width and 0.0 <= y_px < height):
+            return
+        x, y = round(x_px), round(y_px)
+        for dx, dy in ((-1, -1), (1, -1), (-1, 1), (1, 1)):
+            corner = (x + 14 * dx, y + 14 * dy)
+            for end in ((x + 6 * dx, y + 14 * dy), (x + 14 * dx, y + 6 * dy)):
+                cv2.line(picture, corner, end, (0, 0, 0), 4, cv2.LINE_AA)
+                cv2.line(picture, corner, end, colour, 2, cv2.LINE_AA)
+        self.word(picture, x, y + 22, word)
+
+    def word(self, picture: Pixels, x_px: int, y_px: int, word: str) -> None:
+        """Write a word centred below a place, within the picture."""
+        wide = self._width(word, 13, 600)
+        left = min(max(4, x_px - wide // 2), max(4, picture.shape[1] - wide - 4))
+        top = min(max(2, y_px), picture.shape[0] - 20)
+        _shade(picture, left - 4, top, wide + 8, 18, 0.6)
+        cv2.putText(picture, word, (left, top + 14), WHITE, self._font, 13, 600)
+
     def aim(self, picture: Pixels) -> None:
         """Draw a small mark at the picture's centre."""
         x, y = picture.shape[1] // 2, picture.shape[0] // 2
@@ -113,8 +134,8 @@ class Painter:
         height, width = picture.shape[:2]
         self._chip(picture, 8, height - 34, left)
         self._chip(picture, width - 8 - self._chip_width(right), height - 34, right)
-        if hint:
-            x = (width - self._width(hint, 15, 500)) // 2
+        if hint:  # in the middle of what the two leave free
+            x = (width + self._chip_width(left) - self._chip_width(right) - self._width(hint, 15, 500)) // 2
             _shade(picture, x - 8, height - 34, self._width(hint, 15, 500) + 16, 26, 0.6)
             cv2.putText(picture, hint, (x, height - 16), WHITE, self._font, 15, 500)
 

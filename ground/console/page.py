@@ -41,11 +41,12 @@ from ground.console.snapshot import APPROACH as APPROACH_TOPIC
 from ground.console.snapshot import LIMITER, STATE, STATUS, Snapshot
 from ground.console.stick import Speeds
 from ground.console.stick_page import FRAME
-from ground.console.style import style_html
+from ground.console.style import ButtonLook, button_rules, style_html
 
 AS_SELECTED: str = "as selected, else nearest ahead"
 """Choice of the list of things to approach."""
 _WIDTH_PX = 330
+_VIEW_LOOK = ButtonLook(wide=True, height_px=38)
 _PERIOD_NS = 250_000_000
 _SLOW_PERIOD_NS = 1_000_000_000
 _PLAIN = (58, 66, 77)
@@ -108,9 +109,12 @@ class Page:
         server: the web server.
         config: heights, nodes, spans.
         commander: runs the commands.
+        cameras: names of the vehicle's cameras.
     """
 
-    def __init__(self, server: viser.ViserServer, config: ConsoleConfig, commander: Commander):
+    def __init__(
+        self, server: viser.ViserServer, config: ConsoleConfig, commander: Commander, cameras: tuple[str, ...]
+    ):
         self._config = config
         self._commander = commander
         self._server = server
@@ -127,26 +131,16 @@ class Page:
         headline, alarm_text = gui.add_html(headline_html(waiting)), gui.add_html(alarms_html(waiting))
         flight_text = gui.add_html("")
         self._view_slot = gui.add_folder(None)
+        self._camera = gui.add_dropdown("Camera", cameras, initial_value=config.camera, visible=len(cameras) > 1)
         buttons = gui.add_folder(None)
         with buttons:
             self._buttons = {action.label: self._add_button(gui, action) for action in BUTTONS}
-        self._height = gui.add_slider(
-            "Take-off height, m", min=1.0, max=30.0, step=0.5, initial_value=config.takeoff_height_m
-        )
-        self._stick_speed = gui.add_slider(
-            "Stick speed, m/s",
-            min=0.1,
-            max=config.stick_speed_max_m_s,
-            step=0.1,
-            initial_value=config.stick_speed_m_s,
-        )
-        self._things = gui.add_dropdown("Approach what", (AS_SELECTED,))
-        approach_text = gui.add_html("")
         gui.add_html(FRAME)
         last_text = gui.add_html(last_html(None, 0))
         tabs = gui.add_tab_group()
         with tabs.add_tab("Target"):
-            target_text = gui.add_html("")
+            self._things = gui.add_dropdown("Approach what", (AS_SELECTED,))
+            approach_text, target_text = gui.add_html(""), gui.add_html("")
             self._plot = ErrorPlot(gui, config.history_s)
         with tabs.add_tab("Checks"):
             checks_text = gui.add_html("")
@@ -154,6 +148,17 @@ class Page:
             nodes_text = gui.add_html("")
         with tabs.add_tab("Log"):
             log_text = gui.add_html("")
+        with tabs.add_tab("Set"):
+            self._height = gui.add_slider(
+                "Take-off, m", min=1.0, max=30.0, step=0.5, initial_value=config.takeoff_height_m
+            )
+            self._stick_speed = gui.add_slider(
+                "Stick, m/s",
+                min=0.1,
+                max=config.stick_speed_max_m_s,
+                step=0.1,
+                initial_value=config.stick_speed_m_s,
+            )
         self._texts = Texts(
             headline,
             alarm_text,
@@ -170,6 +175,11 @@ class Page:
         style.content = style_html({self._buttons[a.label]._impl.uuid: a.look for a in BUTTONS}, _WIDTH_PX)
 
     @property
+    def camera(self) -> str:
+        """Camera that the operator chose."""
+        return self._camera.value
+
+    @property
     def stick_speeds(self) -> Speeds:
         """What the stick asks for at full deflection."""
         config = self._config
@@ -178,7 +188,9 @@ class Page:
     def add_view_button(self, client: viser.ClientHandle) -> viser.GuiButtonHandle:
         """A button of one browser's own, to switch between picture and 3-D view."""
         with self._view_slot:
-            return client.gui.add_button("Show 3-D view", icon=viser.Icon.CUBE, color=_PLAIN)
+            button = client.gui.add_button("Show 3-D view", icon=viser.Icon.CUBE, color=_PLAIN)
+            client.gui.add_html(f"<style>{button_rules(button._impl.uuid, _VIEW_LOOK)}</style>")
+        return button
 
     def update(self, view: Snapshot, history: ErrorHistory, picture_rate_hz: float) -> None:
         """Bring texts and button colours up to date, four times a second; what is long, once."""

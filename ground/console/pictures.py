@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import viser
 
-from common.messages import Command
 from ground.console.config import ConsoleConfig
 from ground.console.overlay import (
     GREEN,
@@ -23,7 +22,8 @@ from ground.console.overlay import (
     decode,
     on_canvas,
 )
-from ground.console.snapshot import TRACK, Picture, Snapshot
+from ground.console.snapshot import APPROACH, PURSUIT_CAMERA, TRACK, Collector, Picture, Snapshot
+from ground.console.target import pixels_of
 
 _BOX_MIN_PX = 8.0
 _STALE_REDRAW_NS = 250_000_000
@@ -35,6 +35,30 @@ class BoxRefused(ValueError):
     """A drawn box that names no target; the text says why."""
 
 
+@dataclass(frozen=True)
+class Shown:
+    """A live picture as a browser shows it."""
+
+    letterbox: Letterbox
+    """Where it lies on its canvas."""
+    capture_ns: int
+    """Its capture stamp."""
+    camera: str = PURSUIT_CAMERA
+    """Which camera took it."""
+
+
+@dataclass(frozen=True)
+class DrawnBox:
+    """A box that an operator drew on a picture."""
+
+    box_px: tuple[float, float, float, float]
+    """x, y, width, height, px."""
+    capture_ns: int
+    """Capture stamp of the picture."""
+    camera: str
+    """Which camera took it."""
+
+
 @dataclass
 class Viewer:
     """One browser."""
@@ -43,8 +67,11 @@ class Viewer:
     """Its handle."""
     shows_picture: bool = True
     """Whether it shows the picture; else the 3-D view."""
-    shown: tuple[Letterbox, int] | None = None
-    """Where the picture lies on its canvas, and the capture stamp of the picture; None without a live picture."""
+    shown: Shown | None = None
+    """What lies on its canvas; None without a live picture."""
+    lock: threading.Lock = field(default_factory=threading.Lock)
+    """Held while it turns from picture to 3-D view or back, and while a picture is sent: one that came late would stay
+    behind the 3-D view."""
 
 
 def choose_picture(pictures: Iterable[Picture], view: Snapshot) -> Picture | None:
@@ -56,7 +83,8 @@ def choose_picture(pictures: Iterable[Picture], view: Snapshot) -> Picture | Non
     if not recent:
         return None
     newest = recent[-1]
-    if view.track is not None and view.fresh(TRACK) and view.track.state != "idle":
+    boxed = view.track is not None and view.fresh(TRACK) and view.track.state != "idle"
+    if boxed and view.shown == PURSUIT_CAMERA:
         for picture in reversed(recent):
             if (
                 picture.capture_ns == view.track_capture_ns
@@ -71,7 +99,7 @@ class PictureBoard:
 
     Args:
         config: rate, quality, age limits.
-        on_box: called in a thread of the server with the browser and the argument of `pursuit/do/select`.
+        on_box: called in a thread of the server with the browser and what was drawn.
         on_refusal: called with the browser and the reason why a drawn box names no target.
         on_ray: called with the browser and a click into the 3-D view.
     """
@@ -79,7 +107,7 @@ class PictureBoard:
     def __init__(
         self,
         config: ConsoleConfig,
-        on_box: Callable[[viser.ClientHandle, Command], None],
+        on_box: Callable[[viser.ClientHandle, DrawnBox], None],
         on_refusal: Callable[[viser.ClientHandle, str], None],
         on_ray: Callable[[viser.ClientHandle, viser.SceneClickEvent], None],
     ):
@@ -117,7 +145,8 @@ class PictureBoard:
 
     def show_picture(self, viewer: Viewer) -> None:
         """Show the picture; a drag on it draws a box."""
-        viewer.shows_picture = True
+        with viewer.lock:
+            viewer.shows_picture = True
         viewer.client.scene.set_global_visibility(False)
         viewer.client.scene.remove_rect_select_callback("all")
         viewer.client.scene.remove_click_callback("all")
@@ -127,20 +156,21 @@ class PictureBoard:
 
     def show_scene(self, viewer: Viewer) -> None:
         """Show the 3-D view; a drag turns it."""
-        viewer.shows_picture = False
-        viewer.shown = None
+        with viewer.lock:
+            viewer.shows_picture = False
+            viewer.shown = None
+            viewer.client.scene.set_background_image(None)
         viewer.client.scene.remove_rect_select_callback("all")
         viewer.client.scene.remove_click_callback("all")
         viewer.client.scene.on_click()(lambda event: self._on_ray(viewer.client, event))
-        viewer.client.scene.set_background_image(None)
         viewer.client.scene.set_global_visibility(True)
 
-    def update(self, pictures: Iterable[Picture], view: Snapshot) -> None:
+    def update(self, collector: Collector, view: Snapshot) -> None:
         """Send what is due to the browsers that show the picture."""
         viewers = [v for v in self.viewers if v.shows_picture]
         if not viewers or view.t_ns < self._due_ns:
             return
-        picture = choose_picture(pictures, view)
+        picture = choose_picture(collector.pictures, view)
         live = picture is not None and view.picture_live
         shapes = tuple(_aspect(v.client) for v in viewers)
         # A picture is drawn again for a new box or window shape; an old one also because its age is written on it.
@@ -154,18 +184,21 @@ class PictureBoard:
         self._drawn = (stamp, view.t_ns)
         period_ns = round(1e9 / self._config.picture_rate_hz)
         self._due_ns = max(self._due_ns + period_ns, view.t_ns)
-        drawn = self._draw(picture, view, live)
+        drawn = self._draw(picture, view, live, collector)
         canvases: dict[float, tuple[Pixels, Letterbox]] = {}
         for viewer, aspect in zip(viewers, shapes, strict=True):
             if aspect not in canvases:
                 box = Letterbox.fit(drawn.shape[1], drawn.shape[0], aspect)
                 canvases[aspect] = (on_canvas(drawn, box), box)
             canvas, box = canvases[aspect]
-            viewer.client.scene.set_background_image(canvas, "jpeg", jpeg_quality=self._config.jpeg_quality)
-            viewer.shown = (box, picture.capture_ns) if picture is not None and live else None
+            with viewer.lock:
+                if not viewer.shows_picture:
+                    continue
+                viewer.client.scene.set_background_image(canvas, "jpeg", jpeg_quality=self._config.jpeg_quality)
+                viewer.shown = Shown(box, picture.capture_ns, view.shown) if picture is not None and live else None
             self.sent += 1
 
-    def _draw(self, picture: Picture | None, view: Snapshot, live: bool) -> Pixels:
+    def _draw(self, picture: Picture | None, view: Snapshot, live: bool, collector: Collector) -> Pixels:
         pixels = self._pixels(picture)
         if picture is None or pixels is None:
             empty = blank(*_EMPTY)
@@ -177,13 +210,23 @@ class PictureBoard:
         if not live:
             self._painter.stale(drawn, f"NO PICTURE {view.picture_age_ms / 1000:.1f} s", "what is shown here is old")
             return drawn
-        if view.track is not None and view.fresh(TRACK):
+        if view.track is not None and view.fresh(TRACK) and view.shown == PURSUIT_CAMERA:
             self._painter.target(drawn, view.track)
+        self._draw_approach(drawn, picture, view, collector)
         self._painter.aim(drawn)
         shown_age_ms = (view.t_ns - picture.taken_ns) / 1e6
         left = Caption(f"LIVE  {shown_age_ms:.0f} ms", GREEN if shown_age_ms < 200 else ORANGE)
         self._painter.captions(drawn, left, target_caption(view), _hint(view))
         return drawn
+
+    def _draw_approach(self, drawn: Pixels, picture: Picture, view: Snapshot, collector: Collector) -> None:
+        target, state = view.approach, collector.state_at(picture.capture_ns)
+        if target is None or not view.fresh(APPROACH) or target.state == "idle" or state is None:
+            return
+        if view.camera is not None:
+            x, y = pixels_of([target.ned_p_m], view.camera, state)[0]
+            word = f"{target.label or 'approach'}  {target.distance_m:.1f} m"
+            self._painter.mark(drawn, float(x), float(y), word, GREEN if target.state == "tracking" else ORANGE)
 
     def _pixels(self, picture: Picture | None) -> Pixels | None:
         if picture is None:
@@ -194,20 +237,18 @@ class PictureBoard:
 
     def _take_box(self, viewer: Viewer, event: viser.SceneRectSelectEvent) -> None:
         try:
-            command = box_command(viewer.shown, event.screen_min, event.screen_max)
+            drawn = drawn_box(viewer.shown, event.screen_min, event.screen_max)
         except BoxRefused as refusal:
             self._on_refusal(viewer.client, str(refusal))
             return
-        self._on_box(viewer.client, command)
+        self._on_box(viewer.client, drawn)
 
 
-def box_command(
-    shown: tuple[Letterbox, int] | None, corner_min: tuple[float, float], corner_max: tuple[float, float]
-) -> Command:
-    """Argument of `pursuit/do/select` for a drawn box.
+def drawn_box(shown: Shown | None, corner_min: tuple[float, float], corner_max: tuple[float, float]) -> DrawnBox:
+    """What a drag over the canvas means.
 
     Args:
-        shown: where the picture lies, and its capture stamp; None without a live picture.
+        shown: what lies on the canvas; None without a live picture.
         corner_min: upper left corner, canvas 0..1.
         corner_max: lower right corner.
 
@@ -216,8 +257,7 @@ def box_command(
     """
     if shown is None:
         raise BoxRefused("There is no live picture to choose a target from; wait for the picture.")
-    letterbox, capture_ns = shown
-    box = letterbox.box(corner_min, corner_max)
+    box = shown.letterbox.box(corner_min, corner_max)
     if box is None:
         raise BoxRefused("The box lies beside the picture; draw it on the target.")
     if min(box[2:]) < _BOX_MIN_PX:
@@ -225,11 +265,14 @@ def box_command(
             f"The box is {box[2]:.0f} x {box[3]:.0f} px; draw at least {_BOX_MIN_PX:.0f} x "
             f"{_BOX_MIN_PX:.0f} px, all around the target."
         )
-    return Command(box_px=box, capture_ns=capture_ns)
+    return DrawnBox(box, shown.capture_ns, shown.camera)
 
 
 def target_caption(view: Snapshot) -> Caption:
-    """The word about the target: state, and how long ago it was seen."""
+    """The word about the target, state and how long ago it was seen; through another camera than the chase's, the
+    word about what is approached."""
+    if view.shown != PURSUIT_CAMERA:
+        return _approach_caption(view)
     track = view.track
     if track is None:
         return Caption("NO PURSUIT", GREY)
@@ -243,7 +286,18 @@ def target_caption(view: Snapshot) -> Caption:
     return Caption("NO TARGET", GREY)
 
 
+def _approach_caption(view: Snapshot) -> Caption:
+    target = view.approach if view.fresh(APPROACH) else None
+    if target is None or target.state == "idle":
+        return Caption("NO SELECTION", GREY)
+    word = {"tracking": f"{target.distance_m:.1f} m, TO {target.goal_m:.1f} m", "lost": "LOST"}[target.state]
+    return Caption(word, GREEN if target.state == "tracking" else ORANGE)
+
+
 def _hint(view: Snapshot) -> str:
+    if view.shown != PURSUIT_CAMERA:
+        idle = view.approach is None or not view.fresh(APPROACH) or view.approach.state == "idle"
+        return "Draw a box to approach it" if idle else ""
     if view.track is not None and view.fresh(TRACK) and view.track.state != "tracking":
         return "Draw a box around the target"
     return ""

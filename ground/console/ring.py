@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from html import escape
 
 import numpy as np
@@ -27,6 +28,7 @@ _GAMMA = 2.2  # the 3-D view takes colours as linear light and shows them paler
 _STEP_RAD = 2.0 * math.pi / SECTORS
 _ARC = 2  # chords per sector
 _CIRCLE = 72
+_STEEP = math.sin(math.radians(60.0))  # steeper than this, an obstacle stands in no sector
 _BEYOND = 1.06  # what is free is drawn just outside the safe zone's limit
 _LIMITS = (("h_min_m", ZONES["collision"]), ("h_desired_m", (230, 237, 243)), ("h_max_m", ZONES["safe"]))
 
@@ -42,16 +44,41 @@ def zone_of(distance_m: float, status: LimiterStatus) -> str:
     return "transition" if distance_m > status.h_min_m else "collision"
 
 
+@dataclass(frozen=True)
+class Sector:
+    """How one sector of the ring is drawn."""
+
+    zone: str
+    """Zone of what is nearest there; `blind` where nothing is known within the ring."""
+    near_m: float
+    """Distance of what is nearest, m; what is free or unknown lies just outside the safe zone's limit."""
+    filled: str
+    """Zone in whose colour the sector is filled from the vehicle outwards: `blind` where nobody looked of late."""
+    fill_m: float
+    """How far it is filled, m."""
+
+
+def sectors(status: LimiterStatus) -> list[Sector]:
+    """The 72 sectors: what was looked at is filled up to what is nearest; what is only remembered has its edge alone,
+    for what lies before it is unknown."""
+    beyond = status.h_max_m * _BEYOND
+    found = []
+    for distance_m, seen in zip(status.sectors_m, status.seen, strict=True):
+        zone = zone_of(distance_m, status)
+        if seen:
+            near_m = beyond if distance_m < 0.0 else min(distance_m, beyond)
+            found.append(Sector(zone, near_m, zone, near_m))
+        elif zone in ("blind", "safe"):  # remembered beyond the ring
+            found.append(Sector("blind", beyond, "blind", beyond))
+        else:
+            found.append(Sector(zone, distance_m, "blind", beyond))
+    return found
+
+
 def in_scene(colour: tuple[int, int, int]) -> tuple[int, int, int]:
     """The colour, RGB, that looks like this one in the 3-D view."""
     red, green, blue = (round(255 * (c / 255) ** _GAMMA) for c in colour)
     return red, green, blue
-
-
-def radius_m(distance_m: float, status: LimiterStatus) -> float:
-    """Where a sector is drawn, m: at its distance; what is free or unknown just outside the safe zone's limit."""
-    beyond = status.h_max_m * _BEYOND
-    return beyond if distance_m < 0.0 else min(distance_m, beyond)
 
 
 def _bow(radii_m: Array, points: int) -> Array:
@@ -63,16 +90,16 @@ def _bow(radii_m: Array, points: int) -> Array:
 
 def arcs(status: LimiterStatus) -> tuple[Points, Colours]:
     """Line segments (144, 2, 3), m, and their colours (144, 2, 3), RGB: each sector at its distance."""
-    radii = np.array([radius_m(d, status) for d in status.sectors_m])
-    bow = _bow(radii, _ARC + 1)
+    drawn = sectors(status)
+    bow = _bow(np.array([sector.near_m for sector in drawn]), _ARC + 1)
     segments = np.stack((bow[:, :-1], bow[:, 1:]), axis=2).reshape(-1, 2, 3)
-    colours = np.array([in_scene(ZONES[zone_of(d, status)]) for d in status.sectors_m], np.uint8)
+    colours = np.array([in_scene(ZONES[sector.zone]) for sector in drawn], np.uint8)
     return segments.astype(np.float32), np.repeat(np.repeat(colours, _ARC, axis=0)[:, None], 2, axis=1)
 
 
 def wedge(status: LimiterStatus, zone: str) -> Points:
     """Corners (1 + 72 * 3, 3), m, of the sectors of one zone, filled from the vehicle outwards; the others collapse."""
-    radii = np.array([radius_m(d, status) if zone_of(d, status) == zone else 0.0 for d in status.sectors_m])
+    radii = np.array([sector.fill_m if sector.filled == zone else 0.0 for sector in sectors(status)])
     return np.concatenate((np.zeros((1, 3)), _bow(radii, _ARC + 1).reshape(-1, 3))).astype(np.float32)
 
 
@@ -84,13 +111,15 @@ def wedge_faces() -> NDArray[np.uint32]:
 
 
 def limits(status: LimiterStatus) -> tuple[Points, Colours]:
-    """Line segments (3 * 72, 2, 3), m, and colours of the circles at h_min, h_desired and h_max."""
+    """Line segments (3 * 72, 2, 3), m, and colours of the circles at h_min, h_desired and h_max: the outermost has the
+    colour of the vehicle's zone."""
     segments, colours = [], []
     angles = np.linspace(0.0, 2.0 * math.pi, _CIRCLE + 1)
     circle = np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles)), axis=1)
     for name, colour in _LIMITS:
         ring = circle * getattr(status, name)
         segments.append(np.stack((ring[:-1], ring[1:]), axis=1))
+        colour = ZONES[status.zone] if name == "h_max_m" else colour
         colours.append(np.tile(np.array(in_scene(colour), np.uint8), (_CIRCLE, 2, 1)))
     return np.concatenate(segments).astype(np.float32), np.concatenate(colours)
 
@@ -184,22 +213,21 @@ def hud_html(status: LimiterStatus, yaw_rad: float) -> str:
         status: newest of the limiter.
         yaw_rad: heading of the vehicle, rad.
     """
-    scale = _PX / status.h_max_m
-    paths = []
-    for zone in ZONES:
-        pieces = "".join(
-            _sector(k, radius_m(d, status) * scale)
-            for k, d in enumerate(status.sectors_m)
-            if zone_of(d, status) == zone
-        )
-        if pieces:
-            opacity = 0.25 if zone == "blind" else 0.75
-            paths.append(f'<path d="{pieces}" fill="rgb{ZONES[zone]}" fill-opacity="{opacity}"/>')
+    scale, drawn = _PX / status.h_max_m, sectors(status)
+    rim = _PX * _BEYOND
+    paths = [f'<circle r="{rim:.1f}" fill="rgb{ZONES["blind"]}" fill-opacity="0.25"/>']
+    for zone in [zone for zone in ZONES if zone != "blind"]:
+        if pieces := "".join(_sector(k, s.fill_m * scale) for k, s in enumerate(drawn) if s.filled == zone):
+            paths.append(f'<path d="{pieces}" fill="rgb{ZONES[zone]}" fill-opacity="0.75"/>')
+        edges = [(k, s) for k, s in enumerate(drawn) if s.zone == zone != "safe"]
+        if pieces := "".join(_edge(k, s.near_m * scale) for k, s in edges):
+            paths.append(f'<path d="{pieces}" fill="none" stroke="rgb{ZONES[zone]}" stroke-width="4"/>')
     circles = "".join(
         f'<circle r="{getattr(status, name) * scale:.1f}" fill="none" stroke="rgb{colour}" stroke-width="1.2" '
         f'stroke-dasharray="3 3"/>'
         for name, colour in _LIMITS
     )
+    circles += f'<circle r="{rim:.1f}" fill="none" stroke="rgb{ZONES[status.zone]}" stroke-width="3"/>'
     near, marker = nearest_m(status), ""
     if near is not None:
         r = min(math.hypot(near[0], near[1]), status.h_max_m) * scale
@@ -222,6 +250,8 @@ def words_html(status: LimiterStatus) -> str:
     """Zone, nearest obstacle, asked and allowed speed, and why, as HTML."""
     red, green, blue = ZONES[status.zone]
     near = f"{status.label or 'nearest'} {status.distance_m:.2f} m" if status.distance_m >= 0 else "nothing near"
+    down = status.ned_direction[2]
+    near += "" if abs(down) < _STEEP else " below" if down > 0 else " above"
     slowed = status.allowed_m_s < status.asked_m_s - 0.01
     speeds = f"asked {status.asked_m_s:.1f}, allowed {status.allowed_m_s:.1f} m/s"
     return (
@@ -242,6 +272,16 @@ _WHY: dict[str, str] = {
     "push-back": "backs away",
     "no data": "stands: no obstacle data",
 }
+
+
+def _edge(k: int, radius_px: float) -> str:
+    """Path along the outer edge of one sector, north up."""
+    a, b = k * _STEP_RAD, (k + 1) * _STEP_RAD
+    r = f"{radius_px:.1f}"
+    return (
+        f"M{radius_px * math.sin(a):.1f} {-radius_px * math.cos(a):.1f}"
+        f"A{r} {r} 0 0 1 {radius_px * math.sin(b):.1f} {-radius_px * math.cos(b):.1f}"
+    )
 
 
 def _sector(k: int, radius_px: float) -> str:

@@ -18,7 +18,7 @@ from common.messages import VehicleState
 from ground.console.config import ConsoleConfig
 from ground.console.overlay import GREEN, ORANGE, RED, decode
 from ground.console.ring import Ring
-from ground.console.snapshot import APPROACH, LIMITER, SETPOINT, STATE, TRACK, Collector, Snapshot
+from ground.console.snapshot import APPROACH, LIMITER, PURSUIT_CAMERA, SETPOINT, STATE, TRACK, Collector, Snapshot
 from ground.console.target import ground_point_m
 
 _PERIOD_NS = 100_000_000
@@ -176,10 +176,11 @@ class SceneView:
             client.camera.look_at = (north, east, down * 0.6)
 
     def _target_point(self, view: Snapshot, collector: Collector) -> Array | None:
-        if view.track is None or view.camera is None or not view.fresh(TRACK):
+        camera = view.cameras.get(PURSUIT_CAMERA)
+        if view.track is None or camera is None or not view.fresh(TRACK):
             return None
         state = collector.state_at(view.track_capture_ns)
-        return None if state is None else ground_point_m(view.track, view.camera, state)
+        return None if state is None else ground_point_m(view.track, camera, state)
 
     def _update_target(self, view: Snapshot, collector: Collector) -> None:
         point = self._target_point(view, collector)
@@ -240,7 +241,7 @@ class SceneView:
                 position=camera.body_p_camera_m,
                 cast_shadow=False,
             )
-            self._frustum = (camera, handle)
+            self._frustum = (camera, handle)  # the new one has taken the old one's name, and so its place
         pixels = decode(view.picture.jpeg) if view.picture is not None and view.picture_live else None
         self._frustum[1].image = None if pixels is None else np.asarray(cv2.resize(pixels, (240, 180)), np.uint8)
 

@@ -30,8 +30,8 @@ from common.topics import health_topic, topic
 
 T = TypeVar("T", bound=Message)
 
-PICTURE = "camera/down/jpeg"
-CAMERA_INFO = "camera/down/info"
+PURSUIT_CAMERA = "down"
+"""Camera in whose pictures the pursuit looks for its target."""
 STATE = "helm/state"
 STATUS = "helm/status"
 SETPOINT = "helm/setpoint"
@@ -40,11 +40,22 @@ OBSTACLES = ("obstacles/depth", "obstacles/people", "obstacles/circles")
 LIMITER = "helm/limiter"
 APPROACH = "approach/target"
 SESSION = "session"
-TOPICS = (PICTURE, CAMERA_INFO, STATE, STATUS, SETPOINT, LIMITER, TRACK, APPROACH, *OBSTACLES, SESSION)
+TOPICS = (STATE, STATUS, SETPOINT, LIMITER, TRACK, APPROACH, *OBSTACLES, SESSION)
+"""Inputs that are there for every vehicle; with the pictures of its cameras they are all."""
 
 _PICTURES_KEPT = 6  # 0.3 s at 20 Hz: the tracker answers within that, or its box is shown on a newer picture
 _STATES_KEPT_NS = 2_000_000_000
 _CLOCK_ALONE_NS = 3_000_000_000
+
+
+def picture_topic(camera: str) -> str:
+    """Name of the stream of a camera's pictures."""
+    return f"camera/{camera}/jpeg"
+
+
+def calibration_topic(camera: str) -> str:
+    """Name of the stream of a camera's calibration."""
+    return f"camera/{camera}/info"
 
 
 @dataclass(frozen=True)
@@ -97,8 +108,10 @@ class Snapshot:
     """Newest word of the approach."""
     obstacles: tuple[Obstacle, ...] = ()
     """Obstacles of all sources that are fresh."""
-    camera: Camera | None = None
-    """Calibration."""
+    shown: str = PURSUIT_CAMERA
+    """Camera whose pictures are shown."""
+    cameras: Mapping[str, Camera] = field(default_factory=dict)
+    """Calibration of each camera that told it."""
     session: Session | None = None
     """Newest session message."""
     health: Mapping[str, Health] = field(default_factory=dict)
@@ -111,9 +124,14 @@ class Snapshot:
         return self.ages_ms.get(name, -1.0)
 
     @property
+    def camera(self) -> Camera | None:
+        """Calibration of the camera that is shown."""
+        return self.cameras.get(self.shown)
+
+    @property
     def picture_live(self) -> bool:
         """Whether the newest picture may be shown as what is going on now."""
-        return 0.0 <= self.picture_age_ms <= topic(PICTURE).max_age_ms
+        return 0.0 <= self.picture_age_ms <= topic(picture_topic(self.shown)).max_age_ms
 
     def fresh(self, name: str) -> bool:
         """Whether the newest message of a topic is within the topic's maximum age."""
@@ -135,26 +153,43 @@ class Collector:
 
     Args:
         nodes: nodes whose health is read.
+        cameras: names of the vehicle's cameras.
+        shown: camera whose pictures are kept.
     """
 
-    def __init__(self, nodes: tuple[str, ...]):
+    def __init__(
+        self, nodes: tuple[str, ...], cameras: tuple[str, ...] = (PURSUIT_CAMERA,), shown: str = PURSUIT_CAMERA
+    ):
         self._nodes = nodes
+        self._cameras = cameras
+        self._shown_since_ns = 0
+        self.shown = shown
+        """Camera whose pictures are kept."""
         self.pictures: deque[Picture] = deque(maxlen=_PICTURES_KEPT)
         """Recent pictures, oldest first."""
         self._states: deque[tuple[int, VehicleState]] = deque()
         self._clock = ClockMap()
         self._clock_fed_ns = 0
-        self._camera: tuple[CameraInfo, Camera] | None = None
+        self._calibrations: dict[str, tuple[CameraInfo, Camera]] = {}
         self._tracked_ns: int | None = None
 
     @property
     def inputs(self) -> tuple[str, ...]:
         """Topics that `collect` and `snapshot` read."""
-        return TOPICS + tuple(health_topic(name).name for name in self._nodes)
+        pictures = tuple(name(camera) for camera in self._cameras for name in (picture_topic, calibration_topic))
+        return pictures + TOPICS + tuple(health_topic(name).name for name in self._nodes)
+
+    def look_through(self, camera: str, t_ns: int) -> None:
+        """Keep the pictures of another camera from now on, ns; those that came before are old."""
+        if camera != self.shown:
+            self.shown, self._shown_since_ns = camera, t_ns
+            self.pictures.clear()
 
     def collect(self, inputs: Inputs) -> None:
         """Take over what has come since the last step."""
-        received = inputs.peek(PICTURE, Image)
+        received = inputs.peek(picture_topic(self.shown), Image)
+        if received is not None and received.received_ns < self._shown_since_ns:
+            received = None
         self._feed_clock(inputs, received)
         # A picture that is sent again is no new picture: a frozen camera must not look alive.
         if received is not None and (not self.pictures or received.header.capture_ns != self.pictures[-1].capture_ns):
@@ -197,9 +232,10 @@ class Collector:
 
     def state_at(self, capture_ns: int) -> VehicleState | None:
         """State whose stamp is nearest to an instant (vehicle clock); None without any within 0.2 s."""
-        if not self._states:
+        states = list(self._states)  # the server's threads ask as well
+        if not states:
             return None
-        stamp, state = min(self._states, key=lambda item: abs(item[0] - capture_ns))
+        stamp, state = min(states, key=lambda item: abs(item[0] - capture_ns))
         return state if abs(stamp - capture_ns) <= 200_000_000 else None
 
     def snapshot(self, inputs: Inputs, t_ns: int, alive: Mapping[str, int] | None) -> Snapshot:
@@ -218,9 +254,11 @@ class Collector:
             return received
 
         picture = self.pictures[-1] if self.pictures else None
-        newest(PICTURE, Image)
+        newest(picture_topic(self.shown), Image)
         if picture is not None:
-            ages[PICTURE] = (t_ns - picture.received_ns) / 1e6  # a repeated picture has not arrived anew
+            ages[picture_topic(self.shown)] = (
+                t_ns - picture.received_ns
+            ) / 1e6  # a repeated picture has not arrived anew
         track = newest(TRACK, Track)
         obstacles = tuple(
             obstacle
@@ -244,18 +282,18 @@ class Collector:
             limiter=_message(newest(LIMITER, LimiterStatus)),
             approach=_message(newest(APPROACH, ApproachTarget)),
             obstacles=obstacles,
-            camera=self._calibration(newest(CAMERA_INFO, CameraInfo)),
+            shown=self.shown,
+            cameras=self._calibrated({n: newest(calibration_topic(n), CameraInfo) for n in self._cameras}),
             session=_message(newest(SESSION, Session)),
             health=health,
             alive=alive,
         )
 
-    def _calibration(self, received: Received[CameraInfo] | None) -> Camera | None:
-        if received is None:
-            return None
-        if self._camera is None or self._camera[0] != received.message:
-            self._camera = (received.message, Camera.from_info(received.message))
-        return self._camera[1]
+    def _calibrated(self, told: Mapping[str, Received[CameraInfo] | None]) -> dict[str, Camera]:
+        for name, received in told.items():
+            if received is not None and self._calibrations.get(name, (None,))[0] != received.message:
+                self._calibrations[name] = (received.message, Camera.from_info(received.message))
+        return {name: camera for name, (_, camera) in self._calibrations.items()}
 
 
 def _message(received: Received[Any] | None) -> Any:

@@ -22,7 +22,7 @@ _SHEET = """
 .or .als{position:fixed;z-index:50;top:12px;right:RIGHTpx;width:min(360px,calc(100vw - RESTpx));
   pointer-events:none;opacity:.94}
 @media(max-width:800px){.or .als,.or .hud{position:static;width:auto}}
-.or .hud{position:fixed;z-index:30;bottom:150px;right:RIGHTpx;width:206px;padding:8px 10px;border-radius:10px;
+.or .hud{position:fixed;z-index:30;bottom:150px;right:RIGHTpx;width:222px;padding:8px 6px;border-radius:10px;
   background:#0d1117cc;text-align:center;font-size:13px;pointer-events:none;font-variant-numeric:tabular-nums}
 .or .hud svg{display:block;margin:0 auto 4px}
 .or .hud small{color:#c4ccd4}
@@ -83,13 +83,17 @@ def style_html(buttons: Mapping[str, ButtonLook], panel_px: int) -> str:
     """
     # Notes of the browser side take 20 em at the left; the alarms get the rest.
     rules = [_SHEET.replace("RIGHT", str(panel_px + 14)).replace("REST", str(panel_px + 350))]
-    for element, look in buttons.items():
-        button = f'button[id="{element}"]'
-        rules.append(
-            f"div:has(>div>{button}){{padding:0 7px}}"
-            f"div:has(>{button}){{display:inline-block;width:{'100%' if look.wide else '50%'};"
-            "margin:0!important;padding:3px!important;vertical-align:top}"
-            f"{button}{{height:{look.height_px}px!important;font-size:15px;padding:0 6px;border-radius:7px}}"
-            f"{button} [data-position=left]{{margin:0 14px 0 -7px}}"
-        )
+    rules += [button_rules(element, look) for element, look in buttons.items()]
     return f"<style>{''.join(rules)}</style>"
+
+
+def button_rules(element: str, look: ButtonLook) -> str:
+    """Style rules of one button, by its element id."""
+    button = f'button[id="{element}"]'
+    return (
+        f"div:has(>div>{button}){{padding:0 7px}}"
+        f"div:has(>{button}){{display:inline-block;width:{'100%' if look.wide else '50%'};"
+        "margin:0!important;padding:3px!important;vertical-align:top}"
+        f"{button}{{height:{look.height_px}px!important;font-size:15px;padding:0 6px;border-radius:7px}}"
+        f"{button} [data-position=left]{{margin:0 14px 0 -7px}}"
+    )

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from common.geometry.camera import Camera, horizontal_tangents
-from common.geometry.rotation import Array, quat_rotate
+from common.geometry.rotation import Array, euler_from_quat, quat_multiply, quat_rotate, quat_to_matrix
 from common.messages import Track, VehicleState
 
 
@@ -35,6 +37,31 @@ def ground_point_m(track: Track, camera: Camera, state: VehicleState) -> Array |
     if not np.isfinite(tangents).all():
         return None
     return np.array([eye[0] + height_m * tangents[0], eye[1] + height_m * tangents[1], 0.0])
+
+
+def bearing_rad(camera: Camera, state: VehicleState, x_px: float, y_px: float) -> float:
+    """Direction of a place in the picture, rad from the vehicle's heading, clockwise, -pi to pi.
+
+    Args:
+        camera: calibration of that camera.
+        state: of the vehicle at the picture's capture time.
+        x_px: column, px.
+        y_px: row, px.
+    """
+    ned = quat_rotate(state.ned_q_body, quat_rotate(camera.body_q_camera, camera.rays([[x_px, y_px]])))[0]
+    return math.remainder(math.atan2(ned[1], ned[0]) - euler_from_quat(state.ned_q_body)[2], math.tau)
+
+
+def pixels_of(ned_points_m: ArrayLike, camera: Camera, state: VehicleState) -> Array:
+    """Places (N, 2) in the picture, px, of points (N, 3), NED, m; NaN for those behind the camera.
+
+    Args:
+        ned_points_m: the points.
+        camera: calibration of that camera.
+        state: of the vehicle at the picture's capture time.
+    """
+    turn = quat_to_matrix(quat_multiply(state.ned_q_body, camera.body_q_camera))
+    return camera.project((np.asarray(ned_points_m, dtype=float) - camera_position_m(camera, state)) @ turn)
 
 
 def point_on_ray(points_m: Sequence[Array], origin_m: Array, direction: Array, within_m: float = 0.4) -> Array | None:

@@ -21,6 +21,10 @@ Array = np.ndarray
 _TRACK_S = 2.0
 _MOST_KEPT = 256
 _STANDING_M_S = 0.2
+_STEEP = 0.999
+_PATCH_M = 3.0
+"""A surface that is told as straight beneath or overhead lies somewhere within this distance of there, horizontally:
+`proximity.beneath_m` of its source."""
 _NEVER = -(10**18)
 
 
@@ -42,6 +46,8 @@ class _Source:
     ned_v_m_s: Array = field(default_factory=lambda: np.zeros((0, 3)))
     stamps_ns: Array = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     labels: list[str] = field(default_factory=list)
+    steep: Array = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    """Which bare points were told as straight beneath or overhead: surfaces around there."""
 
 
 class ObstacleMap:
@@ -81,14 +87,16 @@ class ObstacleMap:
             return
         place = self._place(capture_ns)
         count = len(message.obstacles)
-        points = np.array([o.ned_direction for o in message.obstacles]).reshape(-1, 3)
-        points = place + points * np.array([o.distance_m for o in message.obstacles])[:, None]
+        directions = np.array([o.ned_direction for o in message.obstacles]).reshape(-1, 3)
+        points = place + directions * np.array([o.distance_m for o in message.obstacles])[:, None]
         kept = self._still_unseen(known, message.views, place, capture_ns)
         known.ned_p_m = np.concatenate([points, known.ned_p_m[kept]])
         known.ned_v_m_s = np.concatenate(
             [np.array([o.ned_v_m_s for o in message.obstacles]).reshape(-1, 3), known.ned_v_m_s[kept]]
         )
         known.stamps_ns = np.concatenate([np.full(count, capture_ns, dtype=np.int64), known.stamps_ns[kept]])
+        bare = np.array([not o.label for o in message.obstacles], dtype=bool)
+        known.steep = np.concatenate([bare & (np.abs(directions[:, 2]) > _STEEP), known.steep[kept]])
         known.labels = [o.label for o in message.obstacles] + [known.labels[k] for k in kept]
         known.capture_ns = capture_ns
         for view in message.views:
@@ -108,7 +116,7 @@ class ObstacleMap:
             return None if config.required else NOTHING_KNOWN
         if config.required and not any(_age_s(t_ns, s.capture_ns) <= config.keep_s for s in spoken):
             return None
-        parts = [(name, *self._of(source, t_ns)) for name, source in self._sources.items()]
+        parts = [(name, *self._of(source, ned_p_m, t_ns)) for name, source in self._sources.items()]
         places = np.concatenate([np.zeros((0, 3)), *(p for _, p, _, _, _ in parts)]) - np.array(ned_p_m)
         size = np.sqrt((places * places).sum(axis=1))
         unit = np.where(size[:, None] > 1e-6, places / np.maximum(size, 1e-6)[:, None], (1.0, 0.0, 0.0))
@@ -124,14 +132,22 @@ class ObstacleMap:
             range_m,
         )
 
-    def _of(self, source: _Source, t_ns: int) -> tuple[Array, Array, Array, list[str]]:
-        """Places now (K, 3), velocities (K, 3), uncertainties (K,), m, and labels of a source's obstacles."""
+    def _of(self, source: _Source, ned_p_m: Vec3, t_ns: int) -> tuple[Array, Array, Array, list[str]]:
+        """Places now (K, 3), velocities (K, 3), uncertainties (K,), m, and labels of a source's obstacles.
+
+        A remembered surface beneath or overhead stays straight beneath or overhead while the vehicle is near where it
+        was told: as a point of that place it would brake level flight past nothing.
+        """
         config = self._config
         age_s = (t_ns - source.stamps_ns) / 1e9
         silent_s = max(_age_s(t_ns, source.capture_ns) - config.stale_s, 0.0)
-        kept = np.nonzero(age_s <= keep_s(source.ned_v_m_s, config, source.looks))[0]
+        aside_m = np.hypot(source.ned_p_m[:, 0] - ned_p_m[0], source.ned_p_m[:, 1] - ned_p_m[1])
+        kept = np.nonzero(
+            (age_s <= keep_s(source.ned_v_m_s, config, source.looks)) & ~(source.steep & (aside_m > _PATCH_M))
+        )[0]
         v = source.ned_v_m_s[kept]
         places = source.ned_p_m[kept] + v * np.maximum(age_s[kept], 0.0)[:, None]
+        places[source.steep[kept], :2] = ned_p_m[:2]
         walks = (v * v).sum(axis=1) >= _STANDING_M_S**2
         unsure_s = np.where(walks, np.maximum(age_s[kept] - config.stale_s, 0.0), silent_s)
         return places, v, unsure_s * config.spread_m_s, [source.labels[k] for k in kept]

@@ -32,6 +32,7 @@ def limiter_status(limited: Limited, around: Surroundings | None, config: Limite
         h_mid_m=config.h_mid_m,
         h_max_m=config.h_max_m,
         sectors_m=sectors_m(known),
+        seen=tuple((_free_m(known) > 0.0).tolist()),
     )
 
 
@@ -47,9 +48,13 @@ def sectors_m(around: Surroundings) -> tuple[float, ...]:
         level = np.abs(down) <= _LEVEL_SINE
         sector = np.floor(np.arctan2(east, north) / _SECTOR_RAD).astype(int)[level] % SECTORS
         np.minimum.at(nearest, sector, (around.distance_m * np.hypot(north, east))[level])
-    if around.range_m is None:
-        free = np.zeros(SECTORS)
-    else:
-        free = np.repeat(around.range_m[ROWS // 2], SECTORS // COLUMNS)
+    free = _free_m(around)
     shown = np.where(np.isfinite(nearest), nearest, np.where(free > 0.0, free, -1.0))
     return tuple(shown.tolist())
+
+
+def _free_m(around: Surroundings) -> np.ndarray:
+    """How far each sector, (72,), is known to be free but for the obstacles, m; 0 where nobody looked of late."""
+    if around.range_m is None:
+        return np.zeros(SECTORS)
+    return np.repeat(around.range_m[ROWS // 2], SECTORS // COLUMNS)

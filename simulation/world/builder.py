@@ -28,6 +28,7 @@ _FIELD_M = 200.0
 _PLANE_QUAT = [0.5**0.5, 0.0, 0.0, -(0.5**0.5)]
 _TREE_COLOURS = ((74, 110, 40), (96, 122, 44), (58, 96, 52))
 _ROOF_COLOURS = ((164, 84, 58), (112, 104, 104))
+_ZENITH, _HORIZON, _SKY_PX = (0.36, 0.56, 0.83), (0.80, 0.87, 0.92), 128
 _BARK, _WALL = (0.33, 0.26, 0.2, 1.0), (0.86, 0.83, 0.76, 1.0)
 
 
@@ -49,6 +50,7 @@ class SceneBuilder:
         quality.offsamples, quality.shadowsize, quality.numslices, quality.numstacks, quality.numquads = 0, 0, 10, 6, 1
         self.spec.visual.global_.offwidth, self.spec.visual.global_.offheight = width, height
         self._light()
+        self._sky()
         layout = lay_out(scenario, path, self._rng)
         painter = GroundPainter(scenario.ground, layout, scenario.occluders, self._rng)
         self._ground(painter, scenario.ground.size_m)
@@ -89,6 +91,18 @@ class SceneBuilder:
             diffuse=[0.64, 0.62, 0.57],
             specular=[0.15, 0.15, 0.15],
             ambient=[0, 0, 0],
+        )
+
+    def _sky(self) -> None:
+        """What the cameras see where nothing stands: blue overhead, paling towards the horizon."""
+        self.spec.add_texture(
+            name="sky",
+            type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+            builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+            rgb1=_ZENITH,
+            rgb2=_HORIZON,
+            width=_SKY_PX,
+            height=6 * _SKY_PX,
         )
 
     def material(

@@ -18,6 +18,9 @@ _Edges = tuple[float, float, float, float]
 _Map = tuple[NDArray[np.float32], NDArray[np.float32]]
 
 _NEAR_M, _FAR_M = 0.1, 120.0
+# MuJoCo draws the sky on a box well within the far plane, before the ground that is farther: with the sky that plane
+# lies beyond all ground.
+_SKY_M = 2.0 * _FAR_M
 _MAX_GEOMS = 2000
 # A corner of the picture that looks less steeply down than this sees to the horizon.
 _FLAT = 0.05
@@ -27,8 +30,8 @@ _UNUSED = (
     mujoco.mjtRndFlag.mjRND_REFLECTION,
     mujoco.mjtRndFlag.mjRND_FOG,
     mujoco.mjtRndFlag.mjRND_HAZE,
-    mujoco.mjtRndFlag.mjRND_SKYBOX,
 )
+_SKY = mujoco.mjtRndFlag.mjRND_SKYBOX
 
 
 class Drawable(Protocol):
@@ -95,8 +98,10 @@ class Renderer:
         The cars are where `Scene.place` put them last.
         """
         position, attitude = np.asarray(ned_p_camera_m, dtype=float), np.asarray(ned_q_camera, dtype=float)
-        self._scene.show_near(position, self._reach(position, attitude))
+        reach_m = self._reach(position, attitude)
+        self._scene.show_near(position, reach_m)
         self._aim(position, attitude, self._option)
+        self._show_sky(reach_m >= _FAR_M)  # where only ground is in view there is nothing to pay for
         mujoco.mjr_render(self._rect, self._view, self._gl)
         mujoco.mjr_readPixels(self._rgb, None, self._rect, self._gl)
         # OpenGL's rows run upwards.
@@ -114,6 +119,7 @@ class Renderer:
         farthest_m = range_m * float(np.linalg.norm(self._corner_rays, axis=1).max())
         self._scene.show_near(position, min(self._reach(position, attitude), farthest_m))
         self._aim(position, attitude, self._untextured)
+        self._show_sky(False)
         mujoco.mjr_render(self._rect, self._view, self._gl)
         mujoco.mjr_readPixels(None, self._z, self._rect, self._gl)
         # The buffer holds d = f (z - n) / (z (f - n)), so z = n f / (f - d (f - n)); beyond the range it is cut off
@@ -170,6 +176,12 @@ class Renderer:
             eye.frustum_center = _NEAR_M * (left + right) / 2
             eye.frustum_width = _NEAR_M * (right - left) / 2
             eye.frustum_bottom, eye.frustum_top = _NEAR_M * bottom, _NEAR_M * top
+
+    def _show_sky(self, shown: bool) -> None:
+        self._view.flags[_SKY] = shown
+        if shown:
+            for eye in self._view.camera:
+                eye.frustum_far = _SKY_M
 
     def _reach(self, ned_p_camera_m: Array, ned_q_camera: Array) -> float:
         """Horizontal distance, m, up to which the ground is in view."""

@@ -13,7 +13,7 @@ from common.processes import SECTIONS, process
 def main() -> int:
     """Run the console until a signal ends it; returns its exit code."""
     set_up_logging("console")
-    config = Config(json.loads(sys.argv[1]), {name: SECTIONS[name] for name in ("bus", "console")}, "test")
+    config = Config(json.loads(sys.argv[1]), {name: SECTIONS[name] for name in ("bus", "console", "camera")}, "test")
     return run_process(process("console"), config)
 
 

@@ -35,6 +35,7 @@ def barrel(distance_m: float, zone: str, allowed_m_s: float, why: str) -> Limite
         h_mid_m=2.5,
         h_max_m=6.0,
         sectors_m=tuple(sectors),
+        seen=tuple(distance >= 0.0 for distance in sectors),
     )
 
 

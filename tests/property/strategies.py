@@ -92,6 +92,7 @@ def views() -> st.SearchStrategy[View]:
 _NARROW: dict[tuple[type[Message], str], st.SearchStrategy[Any]] = {
     (CameraInfo, "fx_px"): st.floats(1.0, 1e5),
     (CameraInfo, "fy_px"): st.floats(1.0, 1e5),
+    (LimiterStatus, "seen"): st.lists(st.booleans(), min_size=SECTORS, max_size=SECTORS).map(tuple),
     (LimiterStatus, "sectors_m"): st.lists(numbers, min_size=SECTORS, max_size=SECTORS).map(tuple),
     (Obstacle, "distance_m"): st.floats(0.0, 1e4),
     (Obstacle, "ned_direction"): _unit(3),

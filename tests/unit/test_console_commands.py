@@ -17,6 +17,7 @@ from websockets.sync.client import connect
 from common.config import Config, ConfigError
 from common.messages import Command, Reply
 from common.node import ScriptedRun
+from common.processes import SECTIONS
 from common.topics import COMMANDS
 from ground.console.commands import (
     BUTTONS,
@@ -160,8 +161,13 @@ def test_page_of_another_site_is_thrown_out_before_it_can_command() -> None:
 
 def test_node_serves_its_page_on_the_given_address_alone_and_steps_without_a_browser() -> None:
     port = free_port()
-    sections = {"bus": "common.session:BusConfig", "console": "ground.console.config:ConsoleConfig"}
-    node = ConsoleNode(Config({"console": {"port": port}}, sections), "console")
+    sections = {name: SECTIONS[name] for name in ("bus", "camera", "console")}
+    with pytest.raises(
+        ConfigError, match=r"console.camera: got 'front', which this vehicle lacks; expected one of down"
+    ):
+        ConsoleNode(Config({"console": {"port": port, "camera": "front"}}, sections), "console")
+    node = ConsoleNode(Config({"console": {"port": port}, "camera": {"front": {}}}, sections), "console")
+    assert node.wants("camera/down/jpeg") and not node.wants("camera/front/jpeg"), "one picture at a time"
     try:
         with socket.create_connection(("127.0.0.1", port), timeout=5) as page:
             assert page.getpeername() == ("127.0.0.1", port)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from common.messages import Track
 from ground.console.overlay import GREEN, ORANGE, Caption, Letterbox, Painter, decode, on_canvas
-from ground.console.pictures import BoxRefused, box_command, choose_picture, target_caption
+from ground.console.pictures import BoxRefused, Shown, choose_picture, drawn_box, target_caption
 from ground.console.scene import Trail
 from ground.console.snapshot import TRACK, Picture, Snapshot
 
@@ -44,30 +44,30 @@ def test_picture_lies_on_the_canvas_where_the_letterbox_says() -> None:
 
 def test_drawn_box_becomes_picture_pixels() -> None:
     box = Letterbox.fit(640, 480, 1.0)  # 640 x 640, 80 px above and below
-    command = box_command((box, 77), (0.25, 0.5), (0.5, 0.625))
-    assert command.box_px == pytest.approx((160.0, 240.0, 160.0, 80.0))
-    assert command.capture_ns == 77
+    drawn = drawn_box(Shown(box, 77, "front"), (0.25, 0.5), (0.5, 0.625))
+    assert drawn.box_px == pytest.approx((160.0, 240.0, 160.0, 80.0))
+    assert (drawn.capture_ns, drawn.camera) == (77, "front")
 
 
 def test_box_over_the_edge_is_cut() -> None:
     box = Letterbox.fit(640, 480, 1.0)
-    command = box_command((box, 1), (0.9, 0.0), (1.0, 0.25))
-    assert command.box_px == pytest.approx((576.0, 0.0, 64.0, 80.0))
+    drawn = drawn_box(Shown(box, 1), (0.9, 0.0), (1.0, 0.25))
+    assert drawn.box_px == pytest.approx((576.0, 0.0, 64.0, 80.0))
 
 
 @pytest.mark.parametrize(
     ("shown", "first", "second", "words"),
     [
         (None, (0.2, 0.2), (0.4, 0.4), "no live picture"),
-        ((Letterbox.fit(640, 480, 1.0), 1), (0.2, 0.0), (0.4, 0.1), "beside the picture"),
-        ((Letterbox.fit(640, 480, 1.0), 1), (0.5, 0.5), (0.6, 0.505), "64 x 3 px"),
+        (Shown(Letterbox.fit(640, 480, 1.0), 1), (0.2, 0.0), (0.4, 0.1), "beside the picture"),
+        (Shown(Letterbox.fit(640, 480, 1.0), 1), (0.5, 0.5), (0.6, 0.505), "64 x 3 px"),
     ],
 )
 def test_box_without_a_target_is_refused_with_the_reason(
-    shown: tuple[Letterbox, int] | None, first: tuple[float, float], second: tuple[float, float], words: str
+    shown: Shown | None, first: tuple[float, float], second: tuple[float, float], words: str
 ) -> None:
     with pytest.raises(BoxRefused, match=words):
-        box_command(shown, first, second)
+        drawn_box(shown, first, second)
 
 
 def _picture(number: int, received_ms: int) -> Picture:

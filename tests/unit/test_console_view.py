@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from common.config import Config, ConfigError, build
-from common.geometry.config import CameraConfig
+from common.geometry.config import CameraConfig, FrontCameraConfig
 from common.geometry.rotation import as_quat, quat_from_euler
 from common.messages import (
     SECTORS,
@@ -39,10 +39,12 @@ from ground.console.cards import (
 from ground.console.config import ConsoleConfig
 from ground.console.page import next_actions
 from ground.console.plot import ErrorHistory
-from ground.console.snapshot import APPROACH, PICTURE, STATE, STATUS, TRACK, Collector, Snapshot
-from ground.console.target import ground_point_m, point_on_ray
+from ground.console.snapshot import APPROACH, STATE, STATUS, TRACK, Collector, Snapshot, picture_topic
+from ground.console.target import bearing_rad, ground_point_m, pixels_of, point_on_ray
 
 CONFIG = ConsoleConfig()
+PICTURE = picture_topic("down")
+FRONT = picture_topic("front")
 MS = 1_000_000
 JPEG = b"\xff\xd8 pixels \xff\xd9"
 STATE_NOW = VehicleState(
@@ -272,6 +274,7 @@ def test_ground_point_takes_attitude_out() -> None:
         ({"battery_empty_fraction": 0.5, "battery_low_fraction": 0.3}, "at most battery_low_fraction"),
         ({"essential_nodes": ["helm", "rudder"]}, "rudder"),
         ({"host": " "}, "empty address"),
+        ({"camera": "rear"}, "camera: got 'rear', expected one of down, front"),
         ({"prot": 80}, "did you mean 'port'"),
     ],
 )
@@ -287,7 +290,7 @@ class _Reader(Node):
 
     def __init__(self) -> None:
         super().__init__(Config({}, {}), "reader")
-        self.collector = Collector(("helm",))
+        self.collector = Collector(("helm",), ("down", "front"))
         self.inputs = self.collector.inputs
         self.view: Snapshot | None = None
 
@@ -333,6 +336,35 @@ def test_picture_that_waited_on_the_link_is_known_to_be_old() -> None:
     assert node.view.fresh(PICTURE)
     assert node.view.picture_age_ms == pytest.approx(3000, abs=50)
     assert not node.view.picture_live
+
+
+def test_another_camera_begins_with_its_first_new_picture() -> None:
+    run, node = _run()
+    run.feed(FRONT, _image(), 500 * MS, 510 * MS)  # read when that camera was chosen before
+    run.feed(PICTURE, _image(), 1000 * MS, 1010 * MS)
+    run.step(1020 * MS)
+    assert node.view is not None
+    assert (node.view.shown, node.view.picture_live) == ("down", True)
+    node.collector.look_through("front", 1050 * MS)
+    run.feed(PICTURE, _image(), 1050 * MS, 1055 * MS)
+    run.step(1060 * MS)
+    assert node.view.shown == "front"
+    assert node.view.picture is None, "neither the other camera's picture nor the old one"
+    run.feed(FRONT, _image(), 1070 * MS, 1080 * MS)
+    run.step(1090 * MS)
+    assert node.view.picture_live and node.view.picture is not None
+    assert node.view.picture.capture_ns == 1070 * MS
+
+
+def test_a_place_in_the_picture_is_a_direction_and_back() -> None:
+    camera = FrontCameraConfig().camera()
+    turned = msgspec.structs.replace(STATE_NOW, ned_q_body=as_quat(quat_from_euler(0.1, -0.15, 0.7)))
+    bearing = bearing_rad(camera, STATE_NOW, camera.cx_px + camera.fx_px * np.tan(0.3), camera.cy_px)
+    assert bearing == pytest.approx(0.3), "to the right is clockwise"
+    place = np.add(turned.ned_p_m, (4.0 * np.cos(0.7 - 0.2), 4.0 * np.sin(0.7 - 0.2), 0.5))
+    x, y = pixels_of([place], camera, turned)[0]
+    assert bearing_rad(camera, turned, float(x), float(y)) == pytest.approx(-0.2, abs=0.01), "seen from 0.1 m ahead"
+    assert np.isnan(pixels_of([np.array(turned.ned_p_m) - [4.0, 0.0, 0.0]], camera, turned)).all(), "behind it"
 
 
 def test_state_of_a_picture_is_the_nearest_in_time() -> None:
@@ -381,6 +413,7 @@ def limiter_status(**changes: object) -> LimiterStatus:
         h_mid_m=2.5,
         h_max_m=6.0,
         sectors_m=tuple(8.0 if k < 18 else -1.0 for k in range(SECTORS)),
+        seen=tuple(k < 18 for k in range(SECTORS)),
     )
     return msgspec.structs.replace(free, **changes)
 
@@ -408,8 +441,19 @@ def test_each_sector_of_the_ring_lies_at_its_distance_in_the_colour_of_its_zone(
     filled = ring.wedge(near, "collision")
     assert len(ring.wedge_faces()) == 2 * SECTORS and ring.wedge_faces().max() < len(filled)
     assert np.linalg.norm(filled, axis=1).max() == pytest.approx(0.7), "the other zones' sectors collapse"
+    assert (ring.limits(near)[1][-1] == ring.in_scene(ring.ZONES["collision"])).all(), "the rim tells the zone"
     east = ring.nearest_m(near)
     assert east is not None and east == pytest.approx((0.0, 0.7, 0.0))
+
+
+def test_what_is_remembered_in_unseen_space_frees_none_of_it() -> None:
+    behind = limiter_status(sectors_m=(*(8.0 for _ in range(18)), 2.0, 7.0, *(-1.0 for _ in range(SECTORS - 20))))
+    near, far, unknown = ring.sectors(behind)[18:21]
+    assert (near.zone, near.near_m, near.filled) == ("transition", 2.0, "blind"), "its edge alone"
+    assert far == unknown, "beyond the ring it is not drawn as free space up to there"
+    assert not np.linalg.norm(ring.wedge(behind, "transition"), axis=1).any()
+    safe = np.linalg.norm(ring.wedge(behind, "safe"), axis=1)
+    assert (safe > 6.0).sum() == 18 * 3, "what is filled as free was looked at"
 
 
 def test_the_ring_over_the_picture_says_what_is_slowed_and_why() -> None:

@@ -158,12 +158,36 @@ def test_a_blind_source_slows_the_vehicle_down_and_then_stops_it(silent: bool):
     assert now(known, 4 * S).blind
 
 
+def test_a_surface_overhead_is_remembered_as_overhead_and_only_near_there():
+    rim = Obstacle(distance_m=1.6, ned_direction=(0.0, 0.0, -1.0))
+    known = heard(
+        (S, Obstacles(obstacles=(rim,), views=(view(),))), (S + S // 10, Obstacles(obstacles=(), views=(view(),)))
+    )
+    near = now(known, S + S // 5, (1.0, 0.0, 0.0))
+    assert near.distance_m == pytest.approx([1.6])
+    assert near.ned_direction[0] == pytest.approx([0.0, 0.0, -1.0])
+    assert limit((-0.6, 0.0, 0.0), near, CONFIG).why == "clear", "level flight goes on"
+    assert limit((0.0, 0.0, -0.6), near, CONFIG).why in ("curve", "bound"), "a climb is slowed"
+    assert not len(now(known, S + S // 5, (0.0, 3.1, 0.0)).distance_m)
+    person = Obstacle(distance_m=1.6, ned_direction=(0.0, 0.0, 1.0), label="person 1")
+    beneath = heard((S, Obstacles(obstacles=(person,))), source="obstacles/people")
+    assert now(beneath, S, (1.2, 0.0, 0.0)).distance_m == pytest.approx([2.0]), "who has a name is where they are"
+
+
 def test_the_sectors_show_obstacles_free_space_and_the_unknown():
     around = now(heard((S, Obstacles(obstacles=(ahead(4.0),), views=(view(),)))), S)
     shown = sectors_m(around)
     assert shown[0] == pytest.approx(4.0) and shown[4] == pytest.approx(8.0) and shown[36] == -1.0
     above = of_obstacles([Obstacle(distance_m=2.0, ned_direction=(0.0, 0.0, -1.0))])
     assert sectors_m(above) == (-1.0,) * 72
+    turned = heard(
+        (S, Obstacles(obstacles=(ahead(4.0),), views=(view(),))),
+        (6 * S, Obstacles(obstacles=(), views=(view(math.pi),))),
+    )
+    around = now(turned, 6 * S)
+    status = limiter_status(limit(HOME, around, CONFIG), around, CONFIG)
+    assert status.sectors_m[0] == pytest.approx(4.0) and not status.seen[0], "remembered, and nobody looks there"
+    assert status.sectors_m[4] == -1.0 and status.seen[36] and status.sectors_m[36] == pytest.approx(8.0)
 
 
 def test_the_status_names_what_limits():

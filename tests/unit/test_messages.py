@@ -95,6 +95,7 @@ def limited(**changes: Any) -> LimiterStatus:
         "h_mid_m": 2.5,
         "h_max_m": 6.0,
         "sectors_m": (-1.0,) * 72,
+        "seen": (False,) * 72,
     }
     return LimiterStatus(**{**fields, **changes})
 
@@ -166,6 +167,7 @@ def test_good_messages_pass(message: Message) -> None:
         (person(joints_px=((1.0, 2.0, 0.9),) * 14), "joints_px: got 14 joints, expected 15"),
         (person(ned_p_m=(1.0, math.nan, 0.0)), "ned_p_m: got nan"),
         (PersonPicture(number=1, taken_ns=0, jpeg=b"\xff\xd8 cut off"), "jpeg: got 10 bytes that are no whole JPEG"),
+        (limited(seen=(True,) * 71), "seen: got 71 sectors, expected 72"),
         (Request(frame="ned", vector=(1.0, 0.0, -math.inf)), "vector: got -inf"),
         (Request(frame="ned", vector=(1.0, 0.0, 0.0), valid_ms=-1.0), "valid_ms: got -1.0, expected 0.0 to 10000.0"),
     ],

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from common.geometry.config import CameraConfig
+from common.geometry.config import CameraConfig, FrontCameraConfig
 from common.geometry.rotation import quat_from_euler
 from simulation.world.renderer import Canvas, Renderer, camera_pose, ned_to_pixels
 from simulation.world.scenario import CarConfig, GroundConfig, OccluderConfig, ScenarioConfig, load_scenario
@@ -92,6 +92,24 @@ def test_the_ground_has_texture(kind: str) -> None:
     picture, _, _ = picture_of(scene, CarPose((50.0, 0.0), 0.0), (-2.5, -2.0, -3.0))
     patch = picture[:200, :200].astype(float)
     assert patch.std(axis=(0, 1)).min() > 3.0
+
+
+def test_there_is_sky_above_the_horizon_and_the_ground_stays_as_it_is() -> None:
+    scene = Scene(ScenarioConfig(ground=PLAIN), CAMERA.width, CAMERA.height)
+    scene.place(CarPose((0.6, -0.8), 0.0), [], (0.0, 0.0, -3.0))
+    ahead = FrontCameraConfig(width=160, height=120, fx_px=96.0, fy_px=96.0, cx_px=79.5, cy_px=59.5).camera()
+    canvas = Canvas(scene)
+    front = Renderer(canvas, ahead)
+    try:
+        picture = front.render(*camera_pose(ahead, (0.0, 0.0, -3.0), quat_from_euler(0.0, 0.0, 0.0))).astype(int)
+        depth = front.depth(*camera_pose(ahead, (0.0, 0.0, -3.0), quat_from_euler(0.0, 0.0, 0.0)), 50.0)
+    finally:
+        canvas.close()
+    sky, ground = picture[:58], picture[66:]
+    assert (sky[..., 0] > sky[..., 2]).all() and sky.min() > 60, "blue"
+    assert sky[0].mean() < sky[-1].mean(), "paler towards the horizon"
+    assert (ground[..., 0] <= ground[..., 2] + 30).mean() > 0.9, "and below it what was there before"
+    assert np.isnan(depth[:58]).all(), "nothing returns from the sky"
 
 
 def test_a_seed_decides_the_scene() -> None:
