@@ -21,6 +21,7 @@ BINS_PER_CHANNEL = 8
 BINS = BINS_PER_CHANNEL**3
 """Bins of the colour space (Teulière 2011, section IV)."""
 BIN_WIDTH = 256 // BINS_PER_CHANNEL
+_VALUES = np.arange(256) / BIN_WIDTH
 _PLACE_VALUES = np.array([[BINS_PER_CHANNEL**2], [BINS_PER_CHANNEL], [1]], np.uint16)
 _OFFSET_STEP = 8
 _LIGHT_CHANGE = 0.04
@@ -45,8 +46,10 @@ class ColourBins:
         """
         gains = np.asarray(gain, float)
         gains = np.broadcast_to(gains, (3,)) if gains.ndim == 0 else gains
-        values = np.minimum(np.arange(256) * gains[..., None], 255.0) + np.array(self.offsets)[:, None]
-        return np.minimum(values / BIN_WIDTH, BINS_PER_CHANNEL - 1).astype(np.uint16) * _PLACE_VALUES
+        # What the gain lifts above 255 lies in the last bin whatever the offset.
+        bins = _VALUES * gains[..., None]
+        bins += np.array(self.offsets)[:, None] / BIN_WIDTH
+        return np.minimum(bins, BINS_PER_CHANNEL - 1, out=bins).astype(np.uint16) * _PLACE_VALUES
 
     def of(self, pixels: np.ndarray, gain: float | np.ndarray = 1.0) -> np.ndarray:
         """Bin of each pixel.

@@ -197,9 +197,10 @@ class _CompiledSums:
 def _touched(states: np.ndarray, aspect: float, kernels: Kernels, shape: tuple[int, ...]) -> tuple[int, int, int, int]:
     """Window of a picture that the kernels of all states touch: left, top, right, bottom."""
     across, along = kernels.reach
-    reach = math.hypot(across, along * aspect) / (states[:, SCALE].min() * math.sqrt(aspect)) + 1.0
-    left, top = (max(0, int(end)) for end in states[:, :2].min(axis=0) - reach)
-    right, bottom = (int(end) + 1 for end in states[:, :2].max(axis=0) + reach)
+    least, most = states.min(axis=0).tolist(), states.max(axis=0).tolist()
+    reach = math.hypot(across, along * aspect) / (least[SCALE] * math.sqrt(aspect)) + 1.0
+    left, top = max(0, int(least[X] - reach)), max(0, int(least[Y] - reach))
+    right, bottom = int(most[X] + reach) + 1, int(most[Y] + reach) + 1
     return left, top, min(shape[1], right), min(shape[0], bottom)
 
 

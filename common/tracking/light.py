@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 
+import cv2
 import numpy as np
 
 from common.tracking.histogram import HistogramModel
@@ -67,7 +68,7 @@ class Light:
 
 def _mean_colour(frame: np.ndarray) -> np.ndarray:
     """Mean (3,) of each channel over the picture, at least one grey level."""
-    return np.maximum(frame[::_EVERY_PX, ::_EVERY_PX].mean(axis=(0, 1)), 1.0)
+    return np.maximum(cv2.mean(np.ascontiguousarray(frame[::_EVERY_PX, ::_EVERY_PX]))[:3], 1.0)
 
 
 def _bounded(gain: np.ndarray) -> np.ndarray:

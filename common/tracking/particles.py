@@ -30,6 +30,6 @@ def systematic_resample(weights: np.ndarray, start: float) -> np.ndarray:
 def expected_state(states: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, float]:
     """Weighted mean (4,) of states (N, 4), circular in psi, and the circular standard deviation of psi, rad."""
     mean = weights @ states
-    turn = complex(weights @ np.exp(1j * states[:, PSI]))
-    mean[PSI] = math.atan2(turn.imag, turn.real)
-    return mean, math.sqrt(max(0.0, -2.0 * math.log(max(abs(turn), 1e-9))))
+    cosine, sine = float(weights @ np.cos(states[:, PSI])), float(weights @ np.sin(states[:, PSI]))
+    mean[PSI] = math.atan2(sine, cosine)
+    return mean, math.sqrt(max(0.0, -2.0 * math.log(max(math.hypot(cosine, sine), 1e-9))))
