@@ -20,7 +20,7 @@ from onboard.fusion.drift import DriftWatch
 from onboard.fusion.expert import Expert, Opinion
 from onboard.fusion.motion import MotionFilter
 from onboard.fusion.source import Judgement, Measurement, Source
-from onboard.fusion.weights import combine, nearest, severity, vote_weight
+from onboard.fusion.weights import combine, separations, severity, vote_weight
 
 FusionState = Literal["waiting", "tracking", "predicted", "lost"]
 _ONE_SOURCE = 0.7
@@ -77,6 +77,7 @@ class Fusion:
         self._lost = dict.fromkeys(self._experts, False)
         self._vouches = {name: expert.source.vouches for name, expert in self._experts.items()}
         self._standing = dict.fromkeys(self._experts, 1.0)
+        self._density = np.zeros(0)
         self._switch = config.vote_lambda / config.vote_slope
         self._config = config
         self._size = sizes.pop()
@@ -111,10 +112,11 @@ class Fusion:
         self._check(measurements, t_ns, control)
         self._elapsed_s = 0.0 if self._t_ns is None else (t_ns - self._t_ns) * 1e-9
         self._t_ns = t_ns
+        self._density = (self._config.acceleration * self.unit) ** 2
         self._confidence *= math.exp(-self._elapsed_s / self._config.confidence_memory_s)
         opinions = self._hear(measurements, control)
         if self._center is not None:
-            self._center.predict(t_ns, (self._config.acceleration * self.unit) ** 2, control)
+            self._center.predict(t_ns, self._density, control)
         judgements = self._judge(opinions, t_ns)
         self._fuse(opinions, judgements, t_ns)
         if measurements:
@@ -138,7 +140,9 @@ class Fusion:
         self._check_vector("control", control)
 
     def _check_vector(self, what: str, vector: np.ndarray | None) -> None:
-        if vector is not None and (np.shape(vector) != (self._size,) or not np.isfinite(vector).all()):
+        if vector is not None and (
+            np.shape(vector) != (self._size,) or not all(map(math.isfinite, np.asarray(vector).tolist()))
+        ):
             raise ValueError(f"{what}: got {vector}, expected {self._size} finite numbers")
 
     def _hear(self, measurements: Sequence[Measurement], control: np.ndarray | None) -> dict[str, Opinion]:
@@ -181,9 +185,8 @@ class Fusion:
         with all scattered, nothing but the past can tell which is right. While the answer rests on no source, the past
         is worth less than one that vouches for itself: then such sources alone vote, if there are any.
         """
-        density = (self._config.acceleration * self.unit) ** 2
         heard = {
-            name: expert.filter.ahead(t_ns, density)[0] / self.unit
+            name: expert.filter.ahead(t_ns, self._density)[0]
             for name, expert in self._experts.items()
             if expert.filter is not None
             and not self._lost[name]
@@ -195,34 +198,28 @@ class Fusion:
         with_past = voting is not strong and self._center is not None and not self._is_lost(t_ns)
         if len(heard) < 2:
             return distances
-        voters = [heard[name] for name in voting]
+        names, places = list(heard), list(heard.values())
+        voters = places if voting is not strong else [heard[name] for name in voting]
         if with_past and self._center is not None:
-            voters.append(self._center.value / self.unit)
-        points, stacked = np.array(list(heard.values())), np.array(voters)
-        same = np.array([[math.inf if i == j else 0.0 for j in voting] + [0.0] * with_past for i in heard])
-        self._stand(list(heard), nearest(points, stacked, same))
-        return distances | dict(
-            zip(
-                heard,
-                nearest(points, stacked, same + self._handicaps(list(heard), voting, with_past)).tolist(),
-                strict=True,
-            )
-        )
+            voters = [*voters, self._center.value]
+        apart = separations(np.array(places) / self.unit, np.array(voters) / self.unit)
+        for row, name in enumerate(names):
+            if name in voting:
+                apart[row, voting.index(name)] = math.inf  # nobody votes for itself
+        self._stand(names, apart.min(axis=1))
+        votes = (apart + self._handicaps(names, voting, with_past)).min(axis=1)
+        return distances | dict(zip(names, votes.tolist(), strict=True))
 
     def _handicaps(self, names: Sequence[str], voting: Sequence[str], with_past: bool) -> np.ndarray:
         """How much further away each voter is put for each source, (n, m), units.
 
         The lower standing of the two counts, and, while the answer rests on better ones, how little the voter vouches.
         """
-        rows = []
-        for name in names:
-            own = self._standing[name]
-            row = [
-                (1.0 - min(own, self._standing[other])) + (1.0 - self._vouches[other]) * self._supported
-                for other in voting
-            ]
-            rows.append(row + [1.0 - own] * with_past)
-        return _HANDICAP * self._switch * np.array(rows)
+        own = np.array([self._standing[name] for name in names])
+        others = np.array([self._standing[name] for name in voting] + [1.0] * with_past)
+        vouches = np.array([self._vouches[name] for name in voting] + [1.0] * with_past)
+        lower = np.minimum(own[:, None], others)
+        return _HANDICAP * self._switch * ((1.0 - lower) + (1.0 - vouches) * self._supported)
 
     def _stand(self, names: Sequence[str], distances: np.ndarray) -> None:
         """Let the standing of each source follow whether it agrees with anyone at all."""
@@ -239,13 +236,12 @@ class Fusion:
     def _fuse(self, opinions: Mapping[str, Opinion], judgements: Mapping[str, Judgement], t_ns: int) -> None:
         if not opinions:
             return
-        density = (self._config.acceleration * self.unit) ** 2
         values, variances = [], []
         for name, opinion in opinions.items():
             expert = self._experts[name].filter
             value, variance = opinion.value, judgements[name].variance
             if expert is not None and opinion.t_ns < t_ns:
-                ahead, grown = expert.ahead(t_ns, density)
+                ahead, grown = expert.ahead(t_ns, self._density)
                 value, variance = value + (ahead - expert.value), variance + grown
             values.append(value)
             variances.append(variance)
@@ -299,5 +295,6 @@ class Fusion:
         expert = self._experts[name].filter
         if expert is None or self._center is None or self._lost[name]:
             return math.inf
-        ahead, _ = expert.ahead(t_ns, (self._config.acceleration * self.unit) ** 2)
-        return float(np.linalg.norm((ahead - self._center.value) / self.unit))
+        ahead, _ = expert.ahead(t_ns, self._density)
+        offset = (ahead - self._center.value) / self.unit
+        return math.sqrt(float(offset @ offset))

@@ -2,30 +2,30 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import lru_cache
 
 import numpy as np
 from filterpy.kalman import KalmanFilter
 
 
-@cache
-def _blocks(size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Identity, and the masks of value-value, value-rate (both ways) and rate-rate pairs of one component, (2N, 2N)."""
-    one, none = np.eye(size), np.zeros((size, size))
-    return (
-        np.eye(2 * size),
-        np.block([[one, none], [none, none]]),
-        np.block([[none, one], [one, none]]),
-        np.block([[none, none], [none, one]]),
-    )
-
-
+@lru_cache(maxsize=64)
 def transition(size: int, dt_s: float) -> np.ndarray:
     """Transition A, (2N, 2N), of N values above their N rates over a time (eq. 4.1, where it is one frame)."""
-    identity, _, crossed, _ = _blocks(size)
-    matrix = identity + dt_s * crossed
-    matrix[size:, :size] = 0.0
+    matrix = np.eye(2 * size) + dt_s * np.eye(2 * size, k=size)
+    matrix.flags.writeable = False
     return matrix
+
+
+@lru_cache(maxsize=64)
+def _noise_pattern(size: int, dt_s: float) -> np.ndarray:
+    """What white acceleration of density one adds to the covariance over a time, (2N, 2N)."""
+    pattern = np.zeros((2 * size, 2 * size))
+    each = np.arange(size)
+    pattern[each, each] = dt_s**3 / 3
+    pattern[each, each + size] = pattern[each + size, each] = dt_s**2 / 2
+    pattern[each + size, each + size] = dt_s
+    pattern.flags.writeable = False
+    return pattern
 
 
 def process_noise(density: np.ndarray, dt_s: float) -> np.ndarray:
@@ -34,9 +34,7 @@ def process_noise(density: np.ndarray, dt_s: float) -> np.ndarray:
     It is that of the continuous model, so two short steps add what one long step adds; the thesis's diag(0, q) is its
     leading term.
     """
-    _, values, crossed, rates = _blocks(len(density))
-    pattern = (dt_s**3 / 3) * values + (dt_s**2 / 2) * crossed + dt_s * rates
-    return pattern * np.concatenate([density, density])
+    return _noise_pattern(len(density), dt_s) * np.concatenate([density, density])
 
 
 def control_matrix(size: int, dt_s: float) -> np.ndarray:
@@ -61,6 +59,7 @@ class MotionFilter:
         self._filter.x = np.concatenate([value, np.zeros(self.size)]).reshape(-1, 1)
         self._filter.P = np.diag(np.concatenate([noise, start_rate]) ** 2)
         self._filter.H = np.eye(self.size, 2 * self.size)
+        self._filter.inv = _inverse  # pyright: ignore[reportAttributeAccessIssue]
 
     @property
     def state(self) -> np.ndarray:
@@ -99,11 +98,13 @@ class MotionFilter:
 
     def innovation(self, value: np.ndarray, variance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Innovation (N,) of a measurement and the diagonal (N,) of its covariance R_ee (eqs 3.6, 3.7)."""
-        return value - self.value, np.diagonal(self._filter.P)[: self.size] + variance
+        return value - self.value, self._filter.P.diagonal()[: self.size] + variance
 
     def update(self, value: np.ndarray, variance: np.ndarray) -> None:
         """Take in a measurement (N,) with the variances (N,) of independent errors (eqs 3.6 to 3.10)."""
-        self._filter.update(value.reshape(-1, 1), R=np.diag(variance))
+        noise = np.zeros((self.size, self.size))
+        noise.ravel()[:: self.size + 1] = variance
+        self._filter.update(value.reshape(-1, 1), R=noise)
         # Rounding alone makes the two halves differ; over hours that would grow.
         self._filter.P = (self._filter.P + self._filter.P.T) / 2
 
@@ -112,5 +113,12 @@ class MotionFilter:
         dt_s = max(0.0, (t_ns - self.t_ns) * 1e-9)
         if dt_s == 0.0:
             return self.value, np.zeros(self.size)
-        variance = dt_s**2 * np.diagonal(self._filter.P)[self.size :] + density * (dt_s**3 / 3)
+        variance = dt_s**2 * self._filter.P.diagonal()[self.size :] + density * (dt_s**3 / 3)
         return self.value + dt_s * self.rate, variance
+
+
+def _inverse(diagonal: np.ndarray) -> np.ndarray:
+    """Inverse (N, N) of R_ee, which is diagonal: the components share neither noise nor motion."""
+    inverse = np.zeros(diagonal.shape)
+    inverse.ravel()[:: len(diagonal) + 1] = 1.0 / diagonal.diagonal()
+    return inverse

@@ -47,16 +47,10 @@ def severity(ratio: float) -> float:
     return min(max(1.0, ratio), 1e15) ** 4
 
 
-def nearest(points: np.ndarray, voters: np.ndarray, handicap: np.ndarray) -> np.ndarray:
-    """Distance (n,) of each of n points (n, N) to the nearest of m voters (m, N), eqs 4.5 and 4.6.
-
-    Each distance is longer by a handicap (n, m), which is infinite where voter and point are the same. A point without
-    any voter has nobody to agree with: infinite.
-    """
-    if not len(voters):
-        return np.full(len(points), math.inf)
+def separations(points: np.ndarray, voters: np.ndarray) -> np.ndarray:
+    """Distances (n, m) of each of n points (n, N) to each of m voters (m, N) (eq. 4.5)."""
     offsets = points[:, None, :] - voters[None, :, :]
-    return (np.sqrt((offsets * offsets).sum(axis=2)) + handicap).min(axis=1)
+    return np.sqrt(np.vecdot(offsets, offsets))
 
 
 def combine(values: np.ndarray, variances: np.ndarray, correlation: float) -> tuple[np.ndarray, np.ndarray]:

@@ -15,7 +15,15 @@ from onboard.fusion.drift import DriftWatch
 from onboard.fusion.expert import Expert
 from onboard.fusion.motion import MotionFilter, process_noise, transition
 from onboard.fusion.source import Measurement, Source
-from onboard.fusion.weights import combine, mahalanobis, nearest, outlier_switch, outlier_weight, severity, vote_weight
+from onboard.fusion.weights import (
+    combine,
+    mahalanobis,
+    outlier_switch,
+    outlier_weight,
+    separations,
+    severity,
+    vote_weight,
+)
 
 PERIOD_NS = 50_000_000
 NO_VOTE = {"omega": 0.0, "delta": 0.0}
@@ -90,12 +98,26 @@ def test_vote_weight_at_its_extremes() -> None:
     assert vote_weight(1e6, 10.0, 500.0, 0.1, 10.0) == 1010.0
 
 
-def test_nearest_of_three_two_one_and_the_handicap() -> None:
-    points, same = np.array([[0.0, 0.0], [0.0, 1.0], [4.0, 0.0]]), np.diag([math.inf] * 3)
-    same[same != math.inf] = 0.0
-    assert nearest(points, points, same).tolist() == [1.0, 1.0, 4.0]
-    assert nearest(points, points, same + np.array([0.0, 5.0, 0.0])).tolist() == [4.0, 1.0, 4.0]
-    assert nearest(points[:1], points[:0], np.zeros((1, 0))).tolist() == [math.inf]
+def test_separations_of_three_points_and_two_voters() -> None:
+    points = np.array([[0.0, 0.0], [0.0, 1.0], [4.0, 0.0]])
+    assert separations(points, points[:2]).tolist() == [[0.0, 1.0], [1.0, 0.0], [4.0, pytest.approx(math.sqrt(17.0))]]
+
+
+def test_a_filter_at_uneven_stamps_is_the_textbook_one_to_rounding() -> None:
+    rng, t_ns = np.random.default_rng(3), 0
+    ours = MotionFilter(np.zeros(3), 0, np.full(3, 0.1), np.full(3, 2.0))
+    state, covariance = ours.state.copy(), ours.covariance.copy()
+    h, density = np.eye(3, 6), np.array([1.0, 4.0, 9.0])
+    for _ in range(20):
+        dt_ns, value, variance = int(rng.integers(1, 10**8)), rng.normal(size=3), rng.uniform(0.01, 1.0, 3)
+        ours.predict(t_ns := t_ns + dt_ns, density)
+        ours.update(value, variance)
+        a = transition(3, dt_ns * 1e-9)
+        state, covariance = a @ state, a @ covariance @ a.T + process_noise(density, dt_ns * 1e-9)
+        gain = covariance @ h.T @ np.linalg.inv(h @ covariance @ h.T + np.diag(variance))
+        state, covariance = state + gain @ (value - h @ state), (np.eye(6) - gain @ h) @ covariance
+    np.testing.assert_allclose(ours.state, state, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(ours.covariance, covariance, rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize(("correlation", "expected"), [(0.0, 0.25), (1.0, 1.0), (0.5, 0.625)])
