@@ -205,7 +205,9 @@ def run(job: TrackJob, config: Config, out: str | None, video: str | None) -> in
     total = sum(counts.values())
     print(
         f"{total} pictures: target seen in {total - counts['lost']}, lost in {counts['lost']}, "
-        f"reacquired {counts['reacquired']} times" + (f"; {source.corrupt} not decodable" if source.corrupt else ""),
+        f"reacquired {counts['reacquired']} times"
+        + (f"; {source.corrupt} not decodable" if source.corrupt else "")
+        + (f"; the last {source.missing} of {total + source.missing} announced are missing" if source.missing else ""),
         file=sys.stderr,
     )
     return 0

@@ -41,6 +41,8 @@ class FileSource:
         """Pictures that could not be decoded and were skipped."""
         self.resized = 0
         """Pictures of another size than the first, brought to that."""
+        self.missing = 0
+        """Pictures that a video announces beyond the one after which decoding stopped; known at its end."""
         if self._path.is_dir():
             self._files = sorted(
                 (p for p in self._path.iterdir() if p.suffix.lower() in IMAGE_ENDINGS), key=lambda p: _natural(p.name)
@@ -113,12 +115,28 @@ class FileSource:
         self._index += 1
         if self._video is not None:
             ok, frame = self._video.read()
+            if not ok:
+                self._judge_end(self._index - 1)
             return frame if ok else None  # type: ignore[return-value]
         if self._index > len(self._files):
             return None
         frame = cv2.imread(str(self._files[self._index - 1]), cv2.IMREAD_COLOR)
         self.corrupt += frame is None
         return frame  # type: ignore[return-value]
+
+    def _judge_end(self, got: int) -> None:
+        """Say once, in one line, that a video ends before it should."""
+        expected = self.count
+        # Some containers tell their length only by duration and rate, which may be off by one.
+        if expected is not None and got < expected - 1 and got > 0 and self.missing == 0:
+            self.missing = expected - got
+            log.warning(
+                "%s: got %d pictures, expected %d as the file announces: it is cut short or damaged there; "
+                "record or copy it again",
+                self._path,
+                got,
+                expected,
+            )
 
     def _at_end(self) -> bool:
         return self._video is not None or self._index > len(self._files)

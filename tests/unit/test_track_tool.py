@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import os
 from pathlib import Path
 
 import cv2
@@ -110,6 +111,28 @@ def test_pictures_of_another_size_are_scaled_and_named(tmp_path: Path, capsys: p
     assert _track(tmp_path / "film", "--init", "32,216,96,48", "--out", tmp_path / "track.csv") == 0
     said = capsys.readouterr().err
     assert said.count("320x240 px, the first one 640x480: this and others like it are scaled to fit") == 1
+
+
+def test_a_video_that_is_cut_short_is_tracked_to_there_and_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "film.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 20.0, (640, 480))
+    for _, frame, _ in Scene(straight(150.0), seed=2).frames(1.0):
+        writer.write(frame)
+    writer.release()
+    assert _track(path, "--init", "32,216,96,48", "--out", tmp_path / "whole.csv") == 0
+    said = capsys.readouterr().err
+    assert "missing" not in said and "cut short" not in said
+    whole = _lines(tmp_path / "whole.csv")
+    os.truncate(path, path.stat().st_size // 2)
+    assert _track(path, "--init", "32,216,96,48", "--out", tmp_path / "cut.csv") == 0
+    cut = _lines(tmp_path / "cut.csv")
+    assert 0 < len(cut) < len(whole)
+    assert cut[:-1] == whole[: len(cut) - 1], "the last one may be half a picture"
+    said = capsys.readouterr().err
+    assert f"the last {len(whole) - len(cut)} of {len(whole)} announced are missing" in said
+    assert said.count(f"got {len(cut)} pictures, expected {len(whole)} as the file announces") == 1
 
 
 @pytest.mark.parametrize(
