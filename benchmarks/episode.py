@@ -87,6 +87,10 @@ class Episode:
     ):
         self.recorder = ChaseRecorder(selections=1)
         self.trace = Trace()
+        self.watch: Callable[[int, np.ndarray, Pursued], None] = lambda number, frame, pursued: None
+        """Called with the number of each picture from 0, the picture, and what it gave."""
+        self.held_s = (math.inf, math.inf)
+        """Between these times after the chase began the operator holds the vehicle, s."""
         self._camera = config.section(CamerasConfig).down.camera()
         world = msgspec.structs.replace(config.section(WorldConfig), seed=seed)
         self._stage = Stage(world, msgspec.structs.replace(scenario, seed=seed), config.section(CamerasConfig))
@@ -141,6 +145,8 @@ class Episode:
                         selected = True
                     else:
                         pursued = self._pursuer.step(frame, capture_ns, self._camera, self._states.pose(capture_ns)[0])
+                        if pursued is not None:
+                            self.watch(index, frame, pursued)
                 self._obey(pursued, capture_ns)
                 self._note(truth, pursued, capture_ns)
                 progress((capture_ns - start_ns) / (duration_s * _SEC_NS))
@@ -172,7 +178,8 @@ class Episode:
 
     def _obey(self, pursued: Pursued | None, capture_ns: int) -> None:
         """What helm does with the request, at the time when its setpoint would reach the autopilot."""
-        if pursued is not None and pursued.wish is not None:
+        held = self.held_s[0] <= (capture_ns - self._begun_ns) / 1e9 < self.held_s[1]
+        if pursued is not None and pursued.wish is not None and not held:
             request = request_of(pursued.wish)
             north, east, down = request.vector
             request = msgspec.structs.replace(request, vector=(north, east, down - self._climb_of_course(capture_ns)))

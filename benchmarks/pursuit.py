@@ -24,6 +24,7 @@ from benchmarks.episode import Episode
 from benchmarks.pursuit_count import Array, chase_figures, still_figures
 from benchmarks.pursuit_plots import draw
 from benchmarks.pursuit_road import chase_scenario, still_scenario
+from benchmarks.pursuit_strips import Album, Strips, draw_strips
 from common.processes import load_config
 
 _CHASE_FRAMES, _QUICK_CHASE_FRAMES = 10_000, 1_200
@@ -48,6 +49,8 @@ class Flight(NamedTuple):
     """`particle filter` or `CamShift`."""
     seed: int
     duration_s: float
+    pictures: bool = False
+    """Whether to keep pictures of its events."""
 
     def __str__(self) -> str:
         return f"{self.scene}, {self.form} form, {self.tracker}"
@@ -58,6 +61,7 @@ class Flown(NamedTuple):
 
     flight: Flight
     columns: dict[str, Array]
+    strips: Strips
 
     def figures(self) -> dict[str, float]:
         """Its figures by name."""
@@ -89,13 +93,18 @@ def fly(flight: Flight, index: int) -> Flown:
     if flight.tracker == "CamShift":
         episode.use(CamShiftTracker)
 
+    album = Album()
+    if flight.pictures:
+        episode.watch = album.take
+
     def note(share: float) -> None:
         if _shares is not None:
             _shares[index] = min(share, 1.0)
 
     episode.fly(flight.duration_s, note)
     trace = episode.trace
-    return Flown(flight, {name: trace.column(name).astype(float) for name in trace.rows[0]})
+    columns = {name: trace.column(name).astype(float) for name in trace.rows[0]}
+    return Flown(flight, columns, album.strips(columns) if flight.pictures else {})
 
 
 def _still_height_m(_t_s: float) -> float:
@@ -113,8 +122,8 @@ def flights(settings: Settings) -> list[Flight]:
     chase_s, still_s = frames / _RATE_HZ, _QUICK_STILL_S if settings.quick else _STILL_S
     seed = 1000 * (settings.seed + 1)
     return [
-        Flight("chase", "velocity", "particle filter", seed, chase_s),
-        Flight("chase", "orientation", "particle filter", seed, chase_s),
+        Flight("chase", "velocity", "particle filter", seed, chase_s, settings.plots is not None),
+        Flight("chase", "orientation", "particle filter", seed, chase_s, settings.plots is not None),
         Flight("chase", "velocity", "CamShift", seed, chase_s),
         Flight("still", "velocity", "particle filter", seed, still_s),
         Flight("still", "orientation", "particle filter", seed, still_s),
@@ -137,6 +146,7 @@ def run(settings: Settings) -> Outcome:
             [(f.flight.scene, f.flight.form, f.columns) for f in flown if f.flight.tracker != "CamShift"],
             settings.plots,
         )
+        draw_strips([f.strips for f in flown], flown[0].flight.seed, settings.plots)
     paper = {prefix + name: value for prefix in _PREFIX.values() for name, value in _PAPER.items()}
     return Outcome(results, {**baseline, "ratio_rms_error": ratio}, paper)
 

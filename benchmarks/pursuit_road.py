@@ -31,6 +31,7 @@ _BRIDGED = ((1, 2), (3, 4), (5, 6), (7,))  # legs, of each group the longest: ne
 _BESIDE_M = 1.25  # from the middle of the road to a parked look-alike
 _COLUMNS, _COLUMN_M, _DEPTH_M, _STEP_M = 3, (5.0, 8.0), (6.0, 13.0), 3.5
 _BROKEN_FRAMES = 0.02
+_STAYS_S = 60.0
 
 
 def chase_scenario(seed: int) -> ScenarioConfig:
@@ -69,6 +70,28 @@ def still_scenario(seed: int) -> ScenarioConfig:
         (),
         (),
     )
+
+
+def leaving_scenario(seed: int) -> ScenarioConfig:
+    """A car that drives away from home, comes back from the side, and stays there."""
+    rng = np.random.default_rng((seed, 415))
+    turn, side = float(rng.uniform(-math.pi, math.pi)), float(rng.choice((-1.0, 1.0)))
+    c, s = math.cos(turn), math.sin(turn)
+    way = ((0.0, 0.0, 0.0), (6.0, 0.0, 0.0), (6.0, 5.0, 0.0), (0.5, 5.0, 0.0), (0.5, 0.6, _STAYS_S), (-4.0, 0.6, 0.0))
+    path = PathConfig(
+        waypoints=tuple(
+            WaypointConfig(
+                north_m=c * ahead - s * side * beside,
+                east_m=s * ahead + c * side * beside,
+                speed_m_s=1.8,
+                stop_s=stop_s,
+            )
+            for ahead, beside, stop_s in way
+        ),
+        turn_radius_m=0.8,
+        start_delay_s=_START_DELAY_S,
+    )
+    return _scenario(seed, msgspec.structs.replace(CarConfig(), path=path, **paint(rng)), (), ())
 
 
 def _corners(rng: np.random.Generator) -> list[Point]:

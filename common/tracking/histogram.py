@@ -198,9 +198,15 @@ def _touched(states: np.ndarray, aspect: float, kernels: Kernels, shape: tuple[i
     """Window of a picture that the kernels of all states touch: left, top, right, bottom."""
     across, along = kernels.reach
     least, most = states.min(axis=0).tolist(), states.max(axis=0).tolist()
-    reach = math.hypot(across, along * aspect) / (least[SCALE] * math.sqrt(aspect)) + 1.0
-    left, top = max(0, int(least[X] - reach)), max(0, int(least[Y] - reach))
-    right, bottom = int(most[X] + reach) + 1, int(most[Y] + reach) + 1
+    width = 1.0 / (least[SCALE] * math.sqrt(aspect))
+    across, along = across * width, along * width * aspect
+    if len(states) == 1:  # the rectangle around the kernels, turned; for many the circle around it
+        cosine, sine = abs(math.cos(least[PSI])), abs(math.sin(least[PSI]))
+        reach_x, reach_y = across * cosine + along * sine + 1.0, across * sine + along * cosine + 1.0
+    else:
+        reach_x = reach_y = math.hypot(across, along) + 1.0
+    left, top = max(0, int(least[X] - reach_x)), max(0, int(least[Y] - reach_y))
+    right, bottom = int(most[X] + reach_x) + 1, int(most[Y] + reach_y) + 1
     return left, top, min(shape[1], right), min(shape[0], bottom)
 
 

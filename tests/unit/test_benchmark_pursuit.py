@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,6 +22,9 @@ from benchmarks.pursuit_count import (
     turning,
 )
 from benchmarks.pursuit_road import chase_scenario, still_scenario
+from benchmarks.pursuit_strips import Album, around_occlusion, around_reinitialisation, montage
+from common.tracking.base import TrackResult
+from ground.pursuit.pursuer import Pursued
 from simulation.world.path import car_path
 
 RATE_HZ = 20.0
@@ -172,3 +176,31 @@ def test_quick_is_shorter_and_flies_the_same() -> None:
     assert [f._replace(duration_s=0.0) for f in long] == [f._replace(duration_s=0.0) for f in short]
     assert {f.duration_s for f in long if f.scene == "chase"} == {500.0}
     assert {f.duration_s for f in short if f.scene == "chase"} == {60.0}
+
+
+def test_strips_take_the_pictures_around_the_events() -> None:
+    columns = trace()
+    assert around_occlusion(columns) == around_reinitialisation(columns) == []
+    hide(columns, 200, 220)
+    columns["seen"][205:226] = 0.0
+    assert around_occlusion(columns) == [190, 200, 210, 219, 226, 246]
+    columns["seen"][300:340] = 0.0
+    columns["reinitialisations"][320:] = 1.0
+    assert around_reinitialisation(columns) == [], "what it found then was not the car"
+    columns["reinitialisations"][340:] = 2.0
+    assert around_reinitialisation(columns) == [289, 299, 319, 339, 340, 360]
+
+
+def test_a_strip_shows_the_states_and_replaces_a_lost_picture_by_the_one_before() -> None:
+    columns, album = trace(), Album()
+    hide(columns, 200, 220)
+    columns["seen"][205:226] = 0.0
+    result = TrackResult((320.0, 240.0), (96.0, 48.0), 0.0, 0.9, 0.5, "tracking", angle_std_rad=0.0)
+    for number in range(1, FRAMES):
+        if number != 210:
+            state = "tracking" if columns["seen"][number] else "predicted"
+            album.take(number, np.zeros((480, 640, 3), np.uint8), Pursued(replace(result, state=state), None, None))
+    strip = album.strips(columns)["occlusion"]
+    assert [still.kept.state for still in strip] == ["seen", "seen", "predicted", "predicted", "seen", "seen"]
+    assert [round(still.t_s, 2) for still in strip] == [-0.5, 0.0, 0.45, 0.95, 1.3, 2.3]
+    assert montage(strip).shape == (480, 960, 3)
