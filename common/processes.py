@@ -98,6 +98,7 @@ SECTIONS: dict[str, str] = {
     "tracker": "common.tracking.config:ParticleFilterConfig",
     "dsst": "common.tracking.dsst_config:DsstConfig",
     "cmt": "common.tracking.cmt_config:CmtConfig",
+    "struck": "common.tracking.struck_config:StruckConfig",
     "mil": "common.tracking.mil_config:MilConfig",
     "hab_df": "onboard.fusion.config:HabDfConfig",
     "fusion": "onboard.fusion.config:FusionConfig",

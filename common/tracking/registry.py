@@ -14,6 +14,7 @@ TRACKERS = {
     "particle_filter": "common.tracking.particle_filter:ParticleFilterTracker",
     "dsst": "common.tracking.dsst:DsstTracker",
     "cmt": "common.tracking.cmt:CmtTracker",
+    "struck": "common.tracking.struck:StruckTracker",
     "mil": "common.tracking.mil:MilTracker",
     "hab-df": "onboard.fusion.tracker:HabDfTracker",
 }

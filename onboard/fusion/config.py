@@ -79,9 +79,8 @@ class FusionConfig(Section, frozen=True, kw_only=True):
 class HabDfConfig(Section, frozen=True, kw_only=True):
     """Which trackers are fused."""
 
-    members: Annotated[tuple[str, ...], msgspec.Meta(min_length=1)] = ("dsst", "particle_filter")
-    """Names of the registry. Three make a majority; of two that disagree, the past tells which to believe. OpenCV's
-    `mil` costs several times these two together, and the answer was no better for it."""
+    members: Annotated[tuple[str, ...], msgspec.Meta(min_length=1)] = ("dsst", "cmt", "struck")
+    """Names of the registry. Three make a majority; of two that disagree, the past tells which to believe."""
 
     def check(self) -> None:
         """Raise ConfigError when a member is named twice, or is the fusion itself."""

@@ -47,6 +47,7 @@ CHARACTERS = {
     "dsst": Character(place=0.03, size=0.05),
     "cmt": Character(place=0.06, size=0.1),
     "particle_filter": Character(place=0.1, size=0.2, vouches=0.4),
+    "struck": Character(place=0.05, size=0.1),
     "mil": Character(place=0.15, size=0.4, vouches=0.2),
 }
 """By name; another tracker has the defaults. From each one's error while it has the target, on a face, a pedestrian and

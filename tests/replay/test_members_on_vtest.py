@@ -12,13 +12,13 @@ from common.processes import load_config
 from onboard.fusion.tracker import HabDfTracker
 from tests.replay.test_vtest_person import _boxes
 
-STRONG = ("dsst", "cmt")
+STRONG = ("dsst", "cmt", "struck")
 """Members that hold him alone."""
 
 
 def test_person_is_followed_until_the_last_box() -> None:
     boxes = _boxes()
-    names = ("dsst", "cmt", "particle_filter")
+    names = ("dsst", "cmt", "struck", "particle_filter")
     config = load_config(None, [f"hab_df.members=[{', '.join(f'{n!r}' for n in names)}]"])
     fused = HabDfTracker.make(config, np.random.default_rng(1))
     video = cv2.VideoCapture(str(sample_video()))
