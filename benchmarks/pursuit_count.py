@@ -77,12 +77,18 @@ def recoveries_s(columns: Columns) -> list[float]:
 
 
 def lost_for_good(columns: Columns) -> int:
-    """Pictures at the flight's end without the target, but for an occlusion and its two seconds."""
+    """Pictures at the flight's end without the target, but for an occlusion and its two seconds.
+
+    One that the flight's end cuts off is excused from the first picture on that hides anything of the car: whether the
+    target would have been found again is not known.
+    """
     t_s, has, covered = columns["t_s"], found(columns), columns["covered"]
     last = int(np.flatnonzero(has)[-1]) if has.any() else 0
     excused = (covered >= _HALF) | ~(counted(t_s, covered) | (t_s - t_s[0] < SETTLE_S))
-    tail = np.arange(len(t_s)) > last
-    return int((tail & ~excused).sum())
+    index = np.arange(len(t_s))
+    if len(covered) and covered[-1] >= _HALF:
+        excused |= index > np.flatnonzero(np.concatenate(([0.0], covered)) == 0.0)[-1] - 1
+    return int(((index > last) & ~excused).sum())
 
 
 def turning(t_s: Array, heading_rad: Array) -> Mask:

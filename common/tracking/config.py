@@ -80,7 +80,7 @@ class ParticleFilterConfig(Section, frozen=True, kw_only=True):
     """Factor on the spread of the particles' own rates while the target is not seen."""
     reinitialise_after: Annotated[int, msgspec.Meta(ge=0)] = 8
     """Pictures without the target after which the whole picture is searched for it; 0 leaves that to the operator."""
-    reinitialise_every: Annotated[int, msgspec.Meta(ge=1)] = 3
+    reinitialise_every: Annotated[int, msgspec.Meta(ge=1)] = 2
     """The search is repeated every so many pictures."""
     found_limit: Fraction = 0.45
     """Largest distance at which a target known from a picture of it alone is taken as found."""

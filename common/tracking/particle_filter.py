@@ -177,15 +177,19 @@ class ParticleFilterTracker:
         return 0 < after <= self._unseen_frames and (self._unseen_frames - after) % every == 0
 
     def _reinitialise(self, frame: np.ndarray, t_ns: int) -> None:
-        """Search the whole picture under one of the gains that may undo the light, another one each time."""
+        """Search the whole picture, every other time under the gain in force: most come back in the light they left in.
+
+        In between under one of the gains that may undo a change of light.
+        """
         expected = self._result
         if expected is None:
             return
-        gains = (self._light.gain, *self._light.jumps(frame))
         turn = (self._unseen_frames - self._config.reinitialise_after) // self._config.reinitialise_every
+        others = self._light.jumps(frame)
+        gain = others[turn // 2 % len(others)] if turn % 2 and others else self._light.gain
         reach_px = self._usual_size_px * (1.0 + _REACH_1_S * self._unseen_s)
         nearby = Nearby(expected.center_px, reach_px, expected.angle_rad)
-        found = self._search(frame, gains[turn % len(gains)], nearby)
+        found = self._search(frame, gain, nearby)
         if found is not None and found.cost <= self._found_limit:
             self._start_on(found, frame, t_ns)
 

@@ -108,7 +108,7 @@ class PursuitConfig(Section, frozen=True, kw_only=True):
     """Scale: time over which the size is averaged, s."""
     target_height_m: NonNegative = 0.3
     """Height of the target's visible top above the ground at home, m."""
-    process_m_s2: Positive = 1.5
+    process_m_s2: Positive = 0.6
     """Target's acceleration that its velocity filter reckons with (white, standard deviation), m/s²."""
     measurement_m: Positive = 0.06
     """Standard deviation of the target's measured position, m."""

@@ -41,7 +41,9 @@ _HEIGHT_GAIN_1_S = 0.8
 _HEIGHT_DEADBAND_M = 0.3
 # Shares of the half field of view between which the vehicle climbs to keep its target in the picture.
 _EDGE_FROM, _EDGE_TO = 0.5, 0.9
-_BEFORE_LOSS_NS = 300_000_000
+# An occluder's edge drags the last estimates of a place along; those of a heading much less, and it may be about to end
+# a turn, so it is rolled back less.
+_BEFORE_LOSS_NS, _HEADING_BEFORE_LOSS_NS = 300_000_000, 100_000_000
 
 
 @dataclass
@@ -232,9 +234,16 @@ class ChaseLaw:
             self._kept.popleft()
 
     def _roll_back(self, t_ns: int) -> None:
-        """On a loss, go on from what was known before it: an occluder's edge drags the last estimates along."""
-        if self._kept:
-            self._filters = self._kept[0][1].copy()
+        """On a loss, go on from what was known before it, turned as the heading then still was."""
+        if not self._kept:
+            return
+        target, heading = self._kept[0][1].copy().target, self._kept[0][1].heading
+        for kept_ns, filters in self._kept:
+            if kept_ns > max(t_ns - _HEADING_BEFORE_LOSS_NS, self._kept[0][0]):
+                break
+            target.carry(kept_ns, filters.heading.predict(kept_ns)[1])
+            heading = filters.heading
+        self._filters = _Filters(target, copy.copy(heading))
 
     def _note(self, pose: Pose, t_ns: int) -> None:
         self._odometry_m = self._place(pose, t_ns)

@@ -8,16 +8,22 @@ commands it.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
-from ground.pursuit.answer import OFFSET, TARGET_A, WIND, make_answer
+from ground.pursuit.answer import ERROR, OFFSET, TARGET_A, TARGET_V, WIND, make_answer
 from ground.pursuit.config import PursuitConfig
 from ground.pursuit.motion import RelativeMotion
 from ground.pursuit.regulator import make_gains
 from ground.pursuit.view import Pose
 
 Array = NDArray[np.float64]
+
+_BRAKE_SHARE = (
+    0.4  # of the largest acceleration, for the approach to a far target; the rest is for what it does meanwhile
+)
 
 
 class Steering:
@@ -35,6 +41,7 @@ class Steering:
         effort = config.velocity_effort if config.output == "velocity" else config.effort
         # The weight is on the acceleration that a request makes the autopilot command.
         self._gains = make_gains(answer, period_s, effort * answer.command_request**2)
+        self._closing_1_s = float(self._gains[ERROR] / self._gains[TARGET_V])
         self.reset()
 
     def reset(self) -> None:
@@ -85,6 +92,7 @@ class Steering:
             return pose.ned_v_m_s[:2].copy() if self._config.output == "velocity" else np.zeros(2)
         seen = state.copy()
         seen[TARGET_A], seen[OFFSET] = motion.target_acceleration(state), state[OFFSET] - motion.slant_m_s2
+        seen[ERROR] = brakable(state[ERROR], self._closing_1_s, _BRAKE_SHARE * self._config.acceleration_m_s2)
         last = motion.last_request
         request = last - self._gains @ np.vstack((seen, last))
         commanded = capped(motion.commanded(state, request), self._config.tilt_max_m_s2)
@@ -108,6 +116,25 @@ class Steering:
         change = capped(velocity, self._config.speed_m_s) - last
         self._request, self._last_ns = last + capped(change, self._config.slew_m_s2 * dt_s), t_ns
         return self._request.copy()
+
+
+def brakable(error_m: Array, closing_1_s: float, brake_m_s2: float) -> Array:
+    """The distance (2,), m, as far as the regulator may act on it: linear gains know no largest acceleration.
+
+    They close in on a far target at a speed that grows with the distance, v = k e, and fly past it. The speed from
+    which a vehicle stops over a distance grows with its root alone: beyond e0 = a / k², v² = 2 a (e − e0 / 2), which
+    continues the line smoothly.
+
+    Args:
+        error_m: from vehicle to target.
+        closing_1_s: speed by distance, k, for which the gains ask near the target, 1/s.
+        brake_m_s2: acceleration that is kept for stopping, a, m/s².
+    """
+    distance_m, linear_m = float(np.linalg.norm(error_m)), brake_m_s2 / closing_1_s**2
+    if distance_m <= linear_m:
+        return error_m
+    speed_m_s = math.sqrt(2.0 * brake_m_s2 * (distance_m - linear_m / 2.0))
+    return error_m * (speed_m_s / (closing_1_s * distance_m))
 
 
 def capped(vector: Array, length: float) -> Array:

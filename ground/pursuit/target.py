@@ -67,6 +67,12 @@ class TargetFilter:
         chord, turned = _arc(self._state[1], ahead_s, turn_rad_s)
         return TargetEstimate(self._state[0] + chord, turned)
 
+    def carry(self, t_ns: int, turn_rad_s: float) -> None:
+        """Move the estimate on to a later time, ns, without a measurement, turning at a rate, clockwise, rad/s."""
+        if self._state is not None and t_ns > self._t_ns:
+            self._predict((t_ns - self._t_ns) / 1e9, turn_rad_s)
+            self._t_ns = t_ns
+
     def _predict(self, dt_s: float, turn_rad_s: float) -> None:
         transition = np.array([[1.0, dt_s], [0.0, 1.0]])
         noise = self.process_m_s2**2 * np.array([[dt_s**3 / 3, dt_s**2 / 2], [dt_s**2 / 2, dt_s]])

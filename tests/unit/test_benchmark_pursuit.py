@@ -89,6 +89,19 @@ def test_an_occlusion_at_the_end_of_the_flight_does_not_count() -> None:
     assert figures["frames_lost_for_good"] == 0.0
 
 
+def test_nothing_is_lost_for_good_under_a_deck_that_the_flight_s_end_cuts_off() -> None:
+    columns = trace()
+    columns["covered"][585:590], columns["covered"][590:] = 0.3, 1.0
+    columns["seen"][586:] = 0.0
+    assert lost_for_good(columns) == 0
+
+    columns["seen"][580:] = 0.0  # lost before anything hid it
+    assert lost_for_good(columns) == 5
+
+    columns["covered"][590:] = 0.4  # the flight ends with the car in view
+    assert lost_for_good(columns) == 20
+
+
 def test_rms_is_that_of_the_counted_pictures() -> None:
     columns = trace()
     columns["error_m"][120:360] = 0.3

@@ -127,7 +127,7 @@ def _climbs(pursued: list[Pursued]) -> list[float]:
 def test_a_target_that_shrinks_is_sunk_to() -> None:
     climbs = _climbs(_chased(320.0))
     assert np.abs(climbs[:18]).max() < 0.15
-    assert np.mean(climbs[-5:]) < -0.25
+    assert np.mean(climbs[-5:]) < -0.2  # the fastest descent is 0.4 m/s
 
 
 def test_nothing_is_asked_for_a_target_that_is_lost_or_cut() -> None:

@@ -176,6 +176,38 @@ def test_lost_target_is_coasted_after_and_then_the_vehicle_stands() -> None:
     assert wish.yaw_rate_rad_s == 0.0
 
 
+def _coasted(turning_until_s: float, dragged_from_s: float) -> Array:
+    """Where a target, seen for 3 s from a vehicle that stands, is expected 1 s later, less where it really is, (2,), m.
+
+    It drives at 1 m/s and turns at 0.7 rad/s from 1.5 s on; at last what is seen of it lags behind by up to 0.1 m.
+    """
+    law = ChaseLaw(PursuitConfig(target_height_m=0.0))
+    place, heading_rad, t_s = np.array([-1.5, -1.0]), 0.3, 0.0
+    for index in range(80):
+        t_s = index * 0.05
+        ahead = np.array([math.cos(heading_rad), math.sin(heading_rad)])
+        if index < 60:
+            relative = place - min(0.1, max(0.0, 0.4 * (t_s - dragged_from_s))) * ahead
+            law.follow(View(relative / 5, relative, heading_rad, HALF_FIELD), _pose(), int(t_s * 1e9), 0.05)
+        else:
+            law.coast(_pose(), int(t_s * 1e9))
+        heading_rad += 0.7 * 0.05 if 1.5 <= t_s < turning_until_s else 0.0
+        place = place + 0.05 * ahead
+    expected = law.expected(CAMERA, _pose(), int(t_s * 1e9))
+    there = pixel_of(CAMERA, _pose(), np.array([*place, 0.0]))
+    assert expected is not None and there is not None
+    return (np.array(expected.center_px) - there) * 5.0 / CAMERA.fx_px
+
+
+def test_what_an_occluder_s_edge_says_of_a_target_s_place_is_forgotten() -> None:
+    assert np.linalg.norm(_coasted(0.0, 2.75)) < 0.1
+    assert np.linalg.norm(_coasted(0.0, 2.5)) > 0.12, "what was said half a second before is believed"
+
+
+def test_a_turn_that_ended_just_before_the_loss_is_not_gone_on_with() -> None:
+    assert np.linalg.norm(_coasted(2.5, 9.0)) < 0.2
+
+
 @pytest.mark.parametrize("attitude", [(0.0, 0.0, 0.0), (0.2, -0.1, 1.0)])
 def test_hidden_target_is_expected_where_the_moved_vehicle_will_see_it(attitude: tuple[float, float, float]) -> None:
     law = ChaseLaw(PursuitConfig(target_height_m=0.0))
