@@ -55,6 +55,16 @@ APPROACH = Action(
 )
 STOP_APPROACH = Action("Stop approach", ("helm/do/hold", "approach/do/stop"), Icon.WALK)
 APPROACH_SELECTED = Action("Approach", ("helm/do/approach",), Icon.WALK)
+APPROACH_PERSON = Action(
+    "Approach this one",
+    ("approach/do/select", "helm/do/approach"),
+    Icon.WALK,
+    ButtonLook(height_px=34),
+    in_turn=True,
+)
+RENAME = Action("Rename", ("people/do/rename",), Icon.PENCIL, ButtonLook(wide=True, height_px=34))
+MERGE = Action("Merge", ("people/do/merge",), Icon.USERS, ButtonLook(wide=True, height_px=34))
+DISMISS = Action("Dismiss", ("people/do/dismiss",), Icon.USER_OFF, ButtonLook(height_px=34))
 CHOOSE = Action("Choose what to approach", ("approach/do/select",), Icon.POINTER)
 RETURN = Action("Return", ("helm/do/return",), Icon.HOME)
 ENGAGE = Action("Engage", ("helm/do/engage",), Icon.STEERING_WHEEL)

@@ -17,6 +17,7 @@ from common.session import BusConfig
 from ground.console.commands import CHOOSE, SELECT, Commander
 from ground.console.config import ConsoleConfig
 from ground.console.page import Page
+from ground.console.people_cards import listed
 from ground.console.pictures import DrawnBox, PictureBoard
 from ground.console.plot import ErrorHistory
 from ground.console.scene import SceneView
@@ -116,12 +117,22 @@ class ConsoleNode(Node):
         self._page.notify(client, CHOOSE, Command(bearing_rad=bearing))
 
     def _choose_thing(self, client: viser.ClientHandle, event: viser.SceneClickEvent) -> None:
-        """A click on an obstacle of the 3-D view selects it for the approach; one elsewhere means nothing."""
+        """A click into the 3-D view on a person chooses them in the list, one on an obstacle selects it for the
+        approach; one elsewhere means nothing."""
         view = self._snapshot
-        if view is None or view.state is None or not view.fresh(STATE):
+        if view is None:
+            return
+        eye, ray = np.asarray(event.ray_origin), np.asarray(event.ray_direction)
+        people = view.people.people if view.people is not None else ()
+        placed = {as_vec3(p.ned_p_m): p for p in listed(people) if p.ned_p_m is not None}
+        person = point_on_ray([np.asarray(place) for place in placed], eye, ray)
+        if person is not None:
+            self._page.people.choose(placed[as_vec3(person)].number)
+            return
+        if view.state is None or not view.fresh(STATE):
             return
         points = [np.asarray(view.state.ned_p_m) + o.distance_m * np.asarray(o.ned_direction) for o in view.obstacles]
-        point = point_on_ray(points, np.asarray(event.ray_origin), np.asarray(event.ray_direction))
+        point = point_on_ray(points, eye, ray)
         if point is not None:
             self._page.notify(client, CHOOSE, Command(ned_p_m=as_vec3(point)))
 

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from common.messages import Track
+from common.messages import BONES, PersonDetection, Track
 
 Pixels = NDArray[np.uint8]
 Colour = tuple[int, int, int]
@@ -21,6 +21,7 @@ RED: Colour = (255, 90, 82)
 GREY: Colour = (150, 158, 167)
 WHITE: Colour = (240, 244, 248)
 _FRAME: Colour = (13, 17, 23)
+_SURE = 0.3  # a joint less sure than this is not drawn
 _ASPECT_RANGE = (0.3, 4.0)
 
 
@@ -98,6 +99,25 @@ class Painter:
         else:
             _dashed(picture, corners, colour)
         cv2.drawMarker(picture, (round(track.x_px), round(track.y_px)), colour, cv2.MARKER_CROSS, 10, 1, cv2.LINE_AA)
+
+    def person(self, picture: Pixels, found: PersonDetection, word: str, colour: Colour) -> None:
+        """Draw somebody's box, skeleton and name; a pose that was only moved along is thinner."""
+        x, y, width, height = found.box_px
+        corners = np.array([(x, y), (x + width, y), (x + width, y + height), (x, y + height)])
+        shape = np.round(corners * 16).astype(np.int32).reshape(-1, 1, 2)
+        cv2.polylines(picture, [shape], True, (0, 0, 0), 4, cv2.LINE_AA, 4)
+        cv2.polylines(picture, [shape], True, colour, 2, cv2.LINE_AA, 4)
+        sure = [joint[2] >= _SURE for joint in found.joints_px]
+        points = [_int(np.asarray(joint[:2])) for joint in found.joints_px]
+        thickness = 2 if found.fresh else 1
+        for a, b in BONES:
+            if sure[a] and sure[b]:
+                cv2.line(picture, points[a], points[b], (0, 0, 0), thickness + 2, cv2.LINE_AA)
+                cv2.line(picture, points[a], points[b], colour, thickness, cv2.LINE_AA)
+        for point, shown in zip(points, sure, strict=True):
+            if shown:
+                cv2.circle(picture, point, thickness, WHITE, -1, cv2.LINE_AA)
+        self.word(picture, round(x + width / 2), round(y + height) + 4, word)
 
     def mark(self, picture: Pixels, x_px: float, y_px: float, word: str, colour: Colour) -> None:
         """Draw corners around a place and a word below them; nothing where it lies outside the picture."""

@@ -35,6 +35,7 @@ from ground.console.commands import (
     by_operator,
 )
 from ground.console.config import ConsoleConfig
+from ground.console.people_tab import PeopleTab
 from ground.console.plot import ErrorHistory, ErrorPlot
 from ground.console.ring import hud_html, knows_something
 from ground.console.snapshot import APPROACH as APPROACH_TOPIC
@@ -142,6 +143,9 @@ class Page:
             self._things = gui.add_dropdown("Approach what", (AS_SELECTED,))
             approach_text, target_text = gui.add_html(""), gui.add_html("")
             self._plot = ErrorPlot(gui, config.history_s)
+        with tabs.add_tab("People"):
+            self.people = PeopleTab(gui, self.notify, self.refuse)
+            """What the operator can do about people."""
         with tabs.add_tab("Checks"):
             checks_text = gui.add_html("")
         with tabs.add_tab("Nodes"):
@@ -172,7 +176,9 @@ class Page:
             log_text,
             watchdog=gui.add_html(""),
         )
-        style.content = style_html({self._buttons[a.label]._impl.uuid: a.look for a in BUTTONS}, _WIDTH_PX)
+        looks = {self._buttons[action.label]._impl.uuid: action.look for action in BUTTONS}
+        looks |= {button._impl.uuid: action.look for action, button in self.people.buttons.items()}
+        style.content = style_html(looks, _WIDTH_PX)
 
     @property
     def camera(self) -> str:
@@ -212,6 +218,7 @@ class Page:
             self._plot.update(history, view.t_ns)
             if view.t_ns >= self._slow_due_ns:
                 self._slow_due_ns = view.t_ns + _SLOW_PERIOD_NS
+                self.people.update(view)
                 _put(texts.checks, checks_html(view))
                 _put(texts.nodes, nodes_html(view, self._config.nodes, picture_rate_hz))
                 _put(texts.log, log_html(log, view.t_ns))

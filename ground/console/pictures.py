@@ -6,8 +6,10 @@ import threading
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
+import msgspec
 import viser
 
+from common.messages import PersonDetection, person_label
 from ground.console.config import ConsoleConfig
 from ground.console.overlay import (
     GREEN,
@@ -22,6 +24,7 @@ from ground.console.overlay import (
     decode,
     on_canvas,
 )
+from ground.console.people_cards import COLOURS
 from ground.console.snapshot import APPROACH, PURSUIT_CAMERA, TRACK, Collector, Picture, Snapshot
 from ground.console.target import pixels_of
 
@@ -83,15 +86,20 @@ def choose_picture(pictures: Iterable[Picture], view: Snapshot) -> Picture | Non
     if not recent:
         return None
     newest = recent[-1]
-    boxed = view.track is not None and view.fresh(TRACK) and view.track.state != "idle"
-    if boxed and view.shown == PURSUIT_CAMERA:
+    wanted_ns = _drawn_on_ns(view)
+    if wanted_ns is not None:
         for picture in reversed(recent):
-            if (
-                picture.capture_ns == view.track_capture_ns
-                and newest.received_ns - picture.received_ns <= _WAIT_FOR_BOX_NS
-            ):
+            if picture.capture_ns == wanted_ns and newest.received_ns - picture.received_ns <= _WAIT_FOR_BOX_NS:
                 return picture
     return newest
+
+
+def _drawn_on_ns(view: Snapshot) -> int | None:
+    """Capture stamp of the picture that is drawn on: the chased target's, else that of people; None without either."""
+    boxed = view.track is not None and view.fresh(TRACK) and view.track.state != "idle"
+    if boxed and view.shown == PURSUIT_CAMERA:
+        return view.track_capture_ns
+    return view.detections_capture_ns if view.in_picture is not None and view.in_picture.people else None
 
 
 class PictureBoard:
@@ -175,7 +183,7 @@ class PictureBoard:
         shapes = tuple(_aspect(v.client) for v in viewers)
         # A picture is drawn again for a new box or window shape; an old one also because its age is written on it.
         stamp = (
-            (picture.capture_ns, view.track_capture_ns, shapes)
+            (picture.capture_ns, view.track_capture_ns, view.detections_capture_ns, shapes)
             if picture is not None and live
             else (view.t_ns // _STALE_REDRAW_NS, shapes)
         )
@@ -210,6 +218,7 @@ class PictureBoard:
         if not live:
             self._painter.stale(drawn, f"NO PICTURE {view.picture_age_ms / 1000:.1f} s", "what is shown here is old")
             return drawn
+        self._draw_people(drawn, picture, view)
         if view.track is not None and view.fresh(TRACK) and view.shown == PURSUIT_CAMERA:
             self._painter.target(drawn, view.track)
         self._draw_approach(drawn, picture, view, collector)
@@ -218,6 +227,19 @@ class PictureBoard:
         left = Caption(f"LIVE  {shown_age_ms:.0f} ms", GREEN if shown_age_ms < 200 else ORANGE)
         self._painter.captions(drawn, left, target_caption(view), _hint(view))
         return drawn
+
+    def _draw_people(self, drawn: Pixels, picture: Picture, view: Snapshot) -> None:
+        found = view.in_picture
+        if found is None:
+            return
+        known = {person.number: person for person in view.people.people} if view.people is not None else {}
+        scale_x, scale_y = picture.width / found.width, picture.height / found.height
+        for someone in found.people:
+            person = known.get(someone.number)
+            word = person_label(someone.number) if person is None else person.name
+            state = "provisional" if person is None else person.state
+            if state != "dismissed":
+                self._painter.person(drawn, scaled(someone, scale_x, scale_y), word, COLOURS[state])
 
     def _draw_approach(self, drawn: Pixels, picture: Picture, view: Snapshot, collector: Collector) -> None:
         target, state = view.approach, collector.state_at(picture.capture_ns)
@@ -266,6 +288,13 @@ def drawn_box(shown: Shown | None, corner_min: tuple[float, float], corner_max: 
             f"{_BOX_MIN_PX:.0f} px, all around the target."
         )
     return DrawnBox(box, shown.capture_ns, shown.camera)
+
+
+def scaled(found: PersonDetection, x: float, y: float) -> PersonDetection:
+    """The same person in a picture of another size."""
+    left, top, width, height = found.box_px
+    joints = tuple((column * x, row * y, confidence) for column, row, confidence in found.joints_px)
+    return msgspec.structs.replace(found, box_px=(left * x, top * y, width * x, height * y), joints_px=joints)
 
 
 def target_caption(view: Snapshot) -> Caption:

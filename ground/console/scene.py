@@ -17,6 +17,7 @@ from common.geometry.rotation import Array, euler_from_quat
 from common.messages import VehicleState
 from ground.console.config import ConsoleConfig
 from ground.console.overlay import GREEN, ORANGE, RED, decode
+from ground.console.people_map import PeopleMap
 from ground.console.ring import Ring
 from ground.console.snapshot import APPROACH, LIMITER, PURSUIT_CAMERA, SETPOINT, STATE, TRACK, Collector, Snapshot
 from ground.console.target import ground_point_m
@@ -77,6 +78,7 @@ class SceneView:
         self._slow_due_ns = 0
         scene = server.scene
         scene.set_up_direction("-z")
+        scene.configure_default_lights(cast_shadow=False)  # a tablet has better things to do
         server.initial_camera.position = (-9.0, -5.0, -8.0)
         server.initial_camera.look_at = (0.0, 0.0, -1.5)
         scene.add_grid(
@@ -128,6 +130,7 @@ class SceneView:
         )
 
         self._ring = Ring(scene)
+        self._people = PeopleMap(scene)
         self._goal = scene.add_icosphere("/approach", 0.16, _BLUE, visible=False)
         self._goal_name = scene.add_label("/approach/name", "", position=(0.0, 0.0, -0.4), visible=False)
 
@@ -155,6 +158,7 @@ class SceneView:
             self._update_obstacles(view, state)
             self._ring.update(view.limiter if view.fresh(LIMITER) else None, state.ned_p_m if state else None)
             self._update_approach(view)
+            self._people.update(view)
             if view.t_ns >= self._slow_due_ns:
                 self._slow_due_ns = view.t_ns + _SLOW_PERIOD_NS
                 self._path_lines.points = self._path.segments().astype(np.float32)

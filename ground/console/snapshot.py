@@ -20,6 +20,9 @@ from common.messages import (
     Message,
     Obstacle,
     Obstacles,
+    People,
+    PeopleDetections,
+    PersonPicture,
     Session,
     Setpoint,
     Track,
@@ -39,8 +42,11 @@ TRACK = "pursuit/track"
 OBSTACLES = ("obstacles/depth", "obstacles/people", "obstacles/circles")
 LIMITER = "helm/limiter"
 APPROACH = "approach/target"
+PEOPLE = "people/tracks"
+DETECTIONS = "people/detections"
+FACES = "people/pictures"
 SESSION = "session"
-TOPICS = (STATE, STATUS, SETPOINT, LIMITER, TRACK, APPROACH, *OBSTACLES, SESSION)
+TOPICS = (STATE, STATUS, SETPOINT, LIMITER, TRACK, APPROACH, *OBSTACLES, DETECTIONS, PEOPLE, FACES, SESSION)
 """Inputs that are there for every vehicle; with the pictures of its cameras they are all."""
 
 _PICTURES_KEPT = 6  # 0.3 s at 20 Hz: the tracker answers within that, or its box is shown on a newer picture
@@ -106,6 +112,16 @@ class Snapshot:
     """Newest status of the limiter."""
     approach: ApproachTarget | None = None
     """Newest word of the approach."""
+    detections: PeopleDetections | None = None
+    """Newest word of the people in a picture."""
+    detections_capture_ns: int = 0
+    """Picture that they belong to (vehicle clock)."""
+    people: People | None = None
+    """Everybody who was found."""
+    faces: Mapping[int, bytes] = field(default_factory=dict)
+    """Newest picture of each person, JPEG, by number."""
+    vehicle_ns: int | None = None
+    """The instant on the vehicle's clock, as far as that is known."""
     obstacles: tuple[Obstacle, ...] = ()
     """Obstacles of all sources that are fresh."""
     shown: str = PURSUIT_CAMERA
@@ -118,6 +134,16 @@ class Snapshot:
     """Newest health of each node that sent one."""
     alive: Mapping[str, int] | None = None
     """Processes of each live node; None before the first answer."""
+
+    def ago_s(self, stamp_ns: int) -> float | None:
+        """Time since a stamp of the vehicle's clock, s; None while that clock is unknown."""
+        return None if self.vehicle_ns is None else (self.vehicle_ns - stamp_ns) / 1e9
+
+    @property
+    def in_picture(self) -> PeopleDetections | None:
+        """The people in the picture that is shown; None without fresh word of them."""
+        found = self.detections if self.fresh(DETECTIONS) else None
+        return found if found is not None and found.camera == self.shown else None
 
     def age_ms(self, name: str) -> float:
         """Age of the newest message of a topic, ms; -1 when none has come."""
@@ -172,6 +198,8 @@ class Collector:
         self._clock_fed_ns = 0
         self._calibrations: dict[str, tuple[CameraInfo, Camera]] = {}
         self._tracked_ns: int | None = None
+        self._faces: dict[int, bytes] = {}
+        self._vehicle_at: tuple[int, int] | None = None
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -208,6 +236,9 @@ class Collector:
         while self._states and self._states[0][0] < self._states[-1][0] - _STATES_KEPT_NS:
             self._states.popleft()
         inputs.drain(SETPOINT, Setpoint)  # the newest is what counts here
+        for received_face in inputs.drain(FACES, PersonPicture):
+            face = received_face.message
+            self._faces = {**self._faces, face.number: face.jpeg}  # a snapshot may still show the old ones
         track = inputs.peek(TRACK, Track)
         if track is not None and track.message.state == "tracking":
             self._tracked_ns = track.received_ns
@@ -221,6 +252,7 @@ class Collector:
         for received in inputs.drain(STATE, VehicleState):
             self._clock.update(received.header.capture_ns, received.received_ns)
             self._clock_fed_ns = received.received_ns
+            self._vehicle_at = received.header.capture_ns, received.received_ns
             self._states.append((received.header.capture_ns, received.message))
         if picture is not None and picture.received_ns - self._clock_fed_ns > _CLOCK_ALONE_NS:
             self._clock.update(picture.header.capture_ns, picture.received_ns)
@@ -259,7 +291,8 @@ class Collector:
             ages[picture_topic(self.shown)] = (
                 t_ns - picture.received_ns
             ) / 1e6  # a repeated picture has not arrived anew
-        track = newest(TRACK, Track)
+        track, detections = newest(TRACK, Track), newest(DETECTIONS, PeopleDetections)
+        newest(FACES, PersonPicture)
         obstacles = tuple(
             obstacle
             for name in OBSTACLES
@@ -281,6 +314,11 @@ class Collector:
             tracked_ago_ms=-1.0 if self._tracked_ns is None else (t_ns - self._tracked_ns) / 1e6,
             limiter=_message(newest(LIMITER, LimiterStatus)),
             approach=_message(newest(APPROACH, ApproachTarget)),
+            detections=_message(detections),
+            detections_capture_ns=detections.header.capture_ns if detections else 0,
+            people=_message(newest(PEOPLE, People)),
+            faces=self._faces,
+            vehicle_ns=None if self._vehicle_at is None else self._vehicle_at[0] + t_ns - self._vehicle_at[1],
             obstacles=obstacles,
             shown=self.shown,
             cameras=self._calibrated({n: newest(calibration_topic(n), CameraInfo) for n in self._cameras}),

@@ -58,6 +58,11 @@ _SHEET = """
 .or .last.g{border-color:#3ddc84;color:#e6edf3}.or .last.o{border-color:#ff9f1c;color:#e6edf3}
 .or .last.r{border-color:#ff5a52;color:#e6edf3}.or .last.b{border-color:#4aa8ff;color:#e6edf3}
 .or .last small{float:right;color:#9aa4af}
+.or .man{display:grid;grid-template-columns:64px 1fr;gap:8px;padding:6px 0;border-top:1px solid #2b313a}
+.or .man small{display:block;font-size:12px;color:#c4ccd4}
+.or .man i{font-style:normal;color:#9aa4af;font-size:12px}
+.or .face{width:64px;height:64px;border-radius:7px;background:#22272e center/contain no-repeat}
+.or .man .dot{display:inline-block;width:9px;height:9px;border-radius:50%;margin-right:5px}
 .or-gone{position:fixed;left:0;top:0;right:0;z-index:9000;pointer-events:none;visibility:hidden;text-align:center;
   background:#b3261e;color:#fff;font:700 18px/1.3 system-ui,sans-serif;padding:10px;animation:or-gone .2s 3s forwards}
 @keyframes or-gone{to{visibility:visible}}

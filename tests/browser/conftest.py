@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -11,13 +12,14 @@ import time
 import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import IO
 from urllib.error import HTTPError
 
 import cv2
 import msgspec
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page, TimeoutError, sync_playwright
 
 from common.session import BusConfig, open_router
 from tests.browser.scripted import Script, ScriptedVehicle
@@ -53,6 +55,16 @@ def wait_for(condition: Callable[[], object], timeout_s: float = 20.0, what: str
     raise AssertionError(f"{what}: not within {timeout_s:g} s")
 
 
+def start_node(name: str, tables: dict[str, object], log: IO[bytes]) -> subprocess.Popen:
+    """A node as a process; its standard error goes to a file."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "tests.browser.node_process", name, json.dumps(tables)],
+        cwd=ROOT,
+        stderr=log,
+        stdout=subprocess.DEVNULL,
+    )
+
+
 class Console:
     """The console as a process.
 
@@ -67,12 +79,7 @@ class Console:
         self.url = f"http://127.0.0.1:{port}"
         tables = {"bus": msgspec.to_builtins(bus_config), "console": {"port": port, **(settings or {})}}
         self._log = log.open("ab")
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "tests.browser.console_process", json.dumps(tables)],
-            cwd=ROOT,
-            stderr=self._log,
-            stdout=subprocess.DEVNULL,
-        )
+        self.process = start_node("console", tables, self._log)
         wait_for(lambda: self._listens(port), what="the console's port")
 
     def _listens(self, port: int) -> bool:
@@ -124,6 +131,15 @@ class View:
     def button(self, label: str) -> None:
         """Press a button."""
         self.page.get_by_role("button", name=label, exact=True).first.click()
+
+    def choose(self, label: str, option: str) -> None:
+        """Choose from a list."""
+        self.page.get_by_label(label, exact=True).click()
+        self.page.get_by_role("option", name=option).click()
+
+    def fill(self, label: str, text: str) -> None:
+        """Write into a text field."""
+        self.page.get_by_text(label, exact=True).locator("xpath=following::input[1]").fill(text)
 
     def canvas(self) -> dict[str, float]:
         """Place of the canvas in the window: x, y, width, height, CSS px."""
@@ -203,7 +219,7 @@ def browser() -> Iterator[Browser]:
 
 def open_view(browser: Browser, console: Console) -> View:
     """The console's page in a window of its own, with the first words from the vehicle on it."""
-    page = browser.new_page(viewport={"width": 1000, "height": 700})
+    page = browser.new_page(viewport={"width": 1000, "height": 560})  # software GL pays for every pixel
     page.goto(console.url)
     view = View(page)
     view.wait_text("Commanded by")
@@ -215,9 +231,31 @@ def open_view(browser: Browser, console: Console) -> View:
     return view
 
 
-@pytest.fixture
-def view(browser: Browser, console: Console, vehicle: ScriptedVehicle) -> Iterator[View]:
-    """The page, loaded anew for each test."""
+@pytest.fixture(scope="session")
+def long_lived_view(browser: Browser, console: Console, long_lived_vehicle: ScriptedVehicle) -> Iterator[View]:
+    """The page of all tests that do not end it: to load it costs more than most tests."""
     view = open_view(browser, console)
     yield view
     view.page.close()
+
+
+@pytest.fixture
+def view(long_lived_view: View, vehicle: ScriptedVehicle) -> View:
+    """The page as it is when it was just loaded: the picture, the first tab, no notes, no hand on the stick."""
+    page = long_lived_view.page
+    for button in (
+        page.get_by_role("button", name="Show picture"),
+        page.frame_locator("#outrider-stick").get_by_role("button", name="Let go"),
+        page.get_by_role("tab", name="Target"),
+    ):
+        if button.count():
+            button.first.click()
+    notes = page.locator(".mantine-Notification-closeButton")
+    while notes.count():
+        with contextlib.suppress(TimeoutError):  # it closed by itself meanwhile
+            notes.first.click(timeout=500)
+    long_lived_view.wait_text("hovering at the anchor")
+    wait_for(lambda: page.locator(".hud").count() == 0, what="the last test's obstacles gone")
+    vehicle.commands.clear()
+    vehicle.requests.clear()
+    return long_lived_view

@@ -18,6 +18,7 @@ from common.geometry.config import CameraConfig
 from common.geometry.rotation import as_quat, quat_from_euler
 from common.header import Received
 from common.messages import (
+    SECTORS,
     ApproachTarget,
     Command,
     Health,
@@ -26,6 +27,11 @@ from common.messages import (
     LimiterStatus,
     Obstacle,
     Obstacles,
+    People,
+    PeopleDetections,
+    Person,
+    PersonDetection,
+    PersonPicture,
     PreflightItem,
     Reply,
     Request,
@@ -38,7 +44,7 @@ from common.messages import (
 from common.session import BusConfig
 from common.topics import COMMANDS, health_topic
 
-NODES = ("camera", "helm", "pursuit", "recorder", "world")
+NODES = ("camera", "helm", "people", "pursuit", "recorder", "world")
 CHECKS = (
     PreflightItem(name="position", ok=True, detail="fused, 0.3 m"),
     PreflightItem(name="camera", ok=True, detail="20.0 Hz, 45 ms old"),
@@ -60,6 +66,33 @@ def ground_picture(camera: Camera) -> np.ndarray:
         cv2.circle(picture, (x, y), r, (38, 74, 44), -1, cv2.LINE_AA)
         cv2.circle(picture, (x - r // 4, y - r // 4), r // 2, (48, 92, 58), -1, cv2.LINE_AA)
     return picture
+
+
+RANGE_M = 8.0
+
+
+def barrel(distance_m: float, zone: str, allowed_m_s: float, why: str) -> LimiterStatus:
+    """A barrel ahead of a vehicle that looks about north-east (0.5 rad), 79 degrees of view; the rest is unseen."""
+    sectors = []
+    for k in range(SECTORS):
+        off = math.remainder((k + 0.5) * math.radians(5.0) - 0.5, math.tau)
+        near = distance_m / math.cos(off) if abs(off) < math.atan(0.4 / distance_m) else RANGE_M
+        sectors.append(near if abs(off) < math.radians(39.0) else -1.0)
+    return LimiterStatus(
+        zone=zone,  # type: ignore[arg-type]
+        distance_m=distance_m,
+        ned_direction=(math.cos(0.5), math.sin(0.5), 0.0),
+        asked_m_s=2.1,
+        allowed_m_s=allowed_m_s,
+        why=why,  # type: ignore[arg-type]
+        source="obstacles/depth",
+        h_min_m=0.8,
+        h_desired_m=1.5,
+        h_mid_m=2.5,
+        h_max_m=6.0,
+        sectors_m=tuple(sectors),
+        seen=tuple(distance >= 0.0 for distance in sectors),
+    )
 
 
 @dataclass
@@ -88,6 +121,11 @@ class Script:
     obstacles: tuple[Obstacle, ...] = ()
     limiter: LimiterStatus | None = None
     approach: ApproachTarget | None = None
+    people: tuple[Person, ...] = ()
+    detections: tuple[PersonDetection, ...] = ()
+    """Who is in each picture."""
+    faces: dict[int, bytes] = field(default_factory=dict)
+    """Picture of each person, JPEG."""
     replies: dict[str, Reply] = field(default_factory=dict)
     """Answer to each command; `done` where there is none."""
     delays_s: dict[str, float] = field(default_factory=dict)
@@ -173,6 +211,15 @@ class ScriptedVehicle:
             camera="down", width=self.camera.width, height=self.camera.height, encoding="jpeg", data=jpeg.tobytes()
         )
         self._buses["camera"].publish("camera/down/jpeg", image, capture_ns)
+        if self.script.people:
+            found = PeopleDetections(
+                camera="down",
+                width=self.camera.width,
+                height=self.camera.height,
+                people=self.script.detections,
+                with_depth=True,
+            )
+            self._buses["people"].publish("people/detections", found, capture_ns)
         self.captures.append(capture_ns)
         if not self.script.track_state:
             return
@@ -246,11 +293,16 @@ class ScriptedVehicle:
             self._buses["helm"].publish("helm/limiter", s.limiter)
         if s.approach is not None:
             self._buses["helm"].publish("approach/target", s.approach)
+        if s.people:
+            self._buses["people"].publish("people/tracks", People(people=s.people))
         if s.obstacles:
             self._buses["world"].publish("obstacles/depth", Obstacles(obstacles=s.obstacles))
 
     def _housekeeping(self) -> None:
         now_ns = time.monotonic_ns()
+        for number, jpeg in self.script.faces.items():
+            picture = PersonPicture(number=number, taken_ns=now_ns, jpeg=jpeg)
+            self._buses["people"].publish("people/pictures", picture)
         for name, bus in list(self._buses.items()):
             bus.publish(
                 health_topic(name).name,

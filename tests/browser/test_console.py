@@ -15,7 +15,7 @@ from playwright.sync_api import Browser
 from common.messages import PreflightItem, Reply
 from common.session import BusConfig
 from tests.browser.conftest import Console, View, open_view, wait_for
-from tests.browser.scripted import CHECKS, ScriptedVehicle
+from tests.browser.scripted import CHECKS, ScriptedVehicle, barrel
 from tests.machine import free_ports
 
 GREEN = (132, 220, 61)
@@ -138,7 +138,7 @@ def test_drawn_box_reaches_the_pursuit_in_picture_pixels(
 
 def test_box_that_names_no_target_is_refused_by_the_console(view: View, vehicle: ScriptedVehicle) -> None:
     canvas = view.canvas()
-    view.drag((canvas["x"] + 100, canvas["y"] + 10), (canvas["x"] + 180, canvas["y"] + 60))  # in the margin above
+    view.drag((canvas["x"] + 100, canvas["y"] + 3), (canvas["x"] + 180, canvas["y"] + 18))  # in the margin above
     view.wait_text("The box lies beside the picture")
     middle = (canvas["x"] + canvas["width"] / 2, canvas["y"] + canvas["height"] / 2)
     view.drag(middle, (middle[0] + 40, middle[1] + 4))
@@ -196,6 +196,9 @@ def test_silent_helm_is_an_alarm_and_its_old_words_go(view: View, vehicle: Scrip
 
 def test_three_d_view_and_back(view: View, vehicle: ScriptedVehicle) -> None:
     wait_for(lambda: _colourfulness(view.pixels()) > 20, what="a picture in colour")
+    size = view.page.viewport_size
+    assert size is not None
+    view.page.set_viewport_size({"width": 820, "height": 420})  # software GL pays for every pixel
     view.button("Show 3-D view")
     wait_for(lambda: np.median(view.pixels()) < 40, what="the dark scene")
     canvas = view.canvas()
@@ -203,7 +206,11 @@ def test_three_d_view_and_back(view: View, vehicle: ScriptedVehicle) -> None:
     view.drag(middle, (middle[0] + 90, middle[1] + 40))  # turns the view
     view.wait_text("Show picture")
     assert vehicle.commands == []
+    vehicle.script.limiter = barrel(4.0, "warning", 1.4, "curve")
+    view.wait_text("asked 2.1, allowed 1.4 m/s")  # the ring's drawing stands over the 3-D view, too
+    assert view.page.locator(".hud svg").is_visible()
     view.button("Show picture")
+    view.page.set_viewport_size(size)
     wait_for(lambda: _colourfulness(view.pixels()) > 20, what="the picture again")
 
 
