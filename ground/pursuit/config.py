@@ -84,7 +84,9 @@ class PursuitConfig(Section, frozen=True, kw_only=True):
     attitude_doubt_s: Positive = 1.0
     """How long such an error lasts, s."""
     turn_memory_s: Positive = 1.5
-    """How long the target's turn goes on unseen, s."""
+    """Time constant with which the target's turn ends of itself while it is seen, s …"""
+    turn_unseen_s: Positive = 0.5
+    """… and while it is not: at an occluder's edge a turn may just have ended, or the edge have feigned it."""
     turn_agility_rad_s2: Positive = 2.0
     """Target's angular acceleration that its heading's filter reckons with (white, standard deviation), rad/s²."""
     turn_measurement_rad: Positive = 0.08

@@ -116,6 +116,7 @@ class ChaseLaw:
         """What to fly for a target that was seen in the picture captured at `t_ns`."""
         self._unseen_since_ns = None
         f = self._filters
+        f.heading.memory_s = self._config.turn_memory_s
         if angle_std_rad <= self._config.yaw_doubt_rad:
             f.heading.update(view.heading_rad, t_ns)
         f.target.update(self._place(pose, t_ns) + view.relative_m, t_ns, f.heading.predict(t_ns)[1])
@@ -244,6 +245,7 @@ class ChaseLaw:
             target.carry(kept_ns, filters.heading.predict(kept_ns)[1])
             heading = filters.heading
         self._filters = _Filters(target, copy.copy(heading))
+        self._filters.heading.memory_s = self._config.turn_unseen_s
 
     def _note(self, pose: Pose, t_ns: int) -> None:
         self._odometry_m = self._place(pose, t_ns)

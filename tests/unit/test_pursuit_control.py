@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -206,6 +206,22 @@ def test_what_an_occluder_s_edge_says_of_a_target_s_place_is_forgotten() -> None
 
 def test_a_turn_that_ended_just_before_the_loss_is_not_gone_on_with() -> None:
     assert np.linalg.norm(_coasted(2.5, 9.0)) < 0.2
+
+
+def test_an_unseen_turn_ends_soon_and_the_filter_of_a_seen_one_is_as_before() -> None:
+    law = ChaseLaw(PursuitConfig(target_height_m=0.0))
+    view, seen = View(np.zeros(2), np.array([1.0, 0.0]), 0.0, HALF_FIELD), []
+    for index in range(120):
+        if not 40 <= index < 70:
+            law.follow(replace(view, heading_rad=0.5 * 0.05 * index), _pose(), index * 50_000_000, 0.05)
+        else:
+            law.coast(_pose(), index * 50_000_000)
+        expected = law.expected(CAMERA, _pose(), (index + 1) * 50_000_000)
+        assert expected is not None
+        seen.append(expected.angle_rad)
+    before, after = seen[39] - seen[38], seen[-1] - seen[-2]
+    assert before == pytest.approx(0.025, rel=0.1) and after == pytest.approx(before, rel=0.05)
+    assert seen[69] - seen[39] < 0.5 * 0.5 + 0.1, "at half a radian a second for half a second, in a second and a half"
 
 
 @pytest.mark.parametrize("attitude", [(0.0, 0.0, 0.0), (0.2, -0.1, 1.0)])
