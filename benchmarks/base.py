@@ -36,6 +36,8 @@ class Settings:
     """Within 60 s: shorter, never easier."""
     plots: Path | None = None
     """Folder for PNG plots; None for none."""
+    sequences: Path | None = None
+    """Folder of real sequences with ground truth; None for none. Only `fusion` reads it."""
 
 
 @dataclass(frozen=True)

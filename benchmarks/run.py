@@ -9,6 +9,7 @@ from pathlib import Path
 from benchmarks import (
     autopilot,
     chase,
+    fusion,
     fusion_depth,
     fusion_signal,
     fusion_speed,
@@ -35,6 +36,7 @@ BENCHMARKS: dict[str, Benchmark] = {
         people_speed.BENCHMARK,
         people_pose.BENCHMARK,
         people_association.BENCHMARK,
+        fusion.BENCHMARK,
         fusion_signal.BENCHMARK,
         fusion_depth.BENCHMARK,
         fusion_speed.BENCHMARK,
@@ -60,6 +62,12 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--quick", action="store_true", help="within 60 s: shorter, never easier")
     parser.add_argument("--json", type=Path, metavar="FILE")
     parser.add_argument("--plots", type=Path, metavar="DIR")
+    parser.add_argument(
+        "--sequences",
+        type=Path,
+        metavar="DIR",
+        help="fusion: real sequences too, a folder each: gt.txt, init.txt, video",
+    )
     args = parser.parse_args(arguments)
     if args.list:
         for benchmark in BENCHMARKS.values():
@@ -67,11 +75,13 @@ def main(arguments: Sequence[str]) -> int:
         return 0
     if args.name is not None and args.name not in BENCHMARKS:
         raise ConfigError(f"bench: {unknown_key_text(args.name, BENCHMARKS)}")
+    if args.sequences is not None and args.name != "fusion":
+        raise ConfigError("--sequences: only `outrider bench fusion` reads real sequences")
     if args.plots is not None:
         args.plots.mkdir(parents=True, exist_ok=True)
     if args.name is None:
         return _run_all(Settings(args.seed, args.quick, _RESULTS))
-    settings = Settings(args.seed, args.quick, args.plots)
+    settings = Settings(args.seed, args.quick, args.plots, args.sequences)
     benchmark = BENCHMARKS[args.name]
     outcome = benchmark.run(settings)
     _print(benchmark, outcome)

@@ -38,7 +38,7 @@ class CmtConfig(Section, frozen=True, kw_only=True):
     """The mean share of differing bits, over the target's keypoints and what is where they should be, may be so much
     above that of the first pictures, which is the sensor's noise; above that, what agrees on the centre is another
     thing."""
-    renew_margin: Fraction = 0.07
+    renew_margin: Fraction = 0.04
     """The same for the learning of new keypoints within the target."""
     renew_every: Annotated[int, msgspec.Meta(ge=1)] = 5
     """Pictures between two times of learning."""

@@ -96,6 +96,7 @@ class Fusion:
         """The source of this name was started anew: what its expert knew of it no longer holds."""
         self._experts[name].forget()
         self._lost[name] = False
+        self._standing[name] = 1.0
 
     def step(self, measurements: Sequence[Measurement], t_ns: int, control: np.ndarray | None = None) -> Fused:
         """Fused answer for an instant from what has arrived since the last one.
@@ -161,6 +162,7 @@ class Fusion:
     def _judge(self, opinions: Mapping[str, Opinion], t_ns: int) -> dict[str, Judgement]:
         """Vote and variance (eq. 4.8) of each source that has something new to say."""
         config = self._config
+        jumped = self._jumped_together(opinions)
         distances = self._distances(t_ns)
         judgements = {}
         for name, opinion in opinions.items():
@@ -172,11 +174,32 @@ class Fusion:
                 far = severity(distances[name] / self._switch)
                 penalty = (vote - config.omega_0) / config.omega_0 * far
             base = expert.variance(self.unit)
-            factor = 1.0 + penalty + opinion.penalty
+            factor = 1.0 + penalty + (0.0 if name in jumped else opinion.penalty)
             judgements[name] = Judgement(
                 1.0 / factor, opinion.mahalanobis, opinion.weight, distances[name], vote, base * factor
             )
         return judgements
+
+    def _jumped_together(self, opinions: Mapping[str, Opinion]) -> set[str]:
+        """Sources whose measurements are outliers to their own pasts and yet agree with one another.
+
+        Beyond the thesis: what two or more see alike, each sure of itself, is a jump of the target or of the camera,
+        not a fault. Their experts and the centre go on from there.
+        """
+        outliers = [n for n, o in opinions.items() if o.weight > 0.5 and o.sure]
+        jumped = {
+            name
+            for name in outliers
+            for other in outliers
+            if name != other
+            and np.linalg.norm((opinions[name].value - opinions[other].value) / self.unit) < 0.5 * self._switch
+        }
+        for name in jumped:
+            self._experts[name].jump(opinions[name].value)
+            self._standing[name] = 1.0
+        if jumped and self._center is not None:
+            self._center.move(np.mean([opinions[name].value for name in sorted(jumped)], axis=0))
+        return jumped
 
     def _distances(self, t_ns: int) -> dict[str, float]:
         """Distance of each source to the nearest voter that it agrees with, units; infinite without any.

@@ -34,9 +34,9 @@ class FusionConfig(Section, frozen=True, kw_only=True):
     """ω₀ of eq. 4.7."""
     omega: NonNegative = 1000.0
     """ω of eq. 4.7 (the thesis: 500 to 20,000)."""
-    vote_slope: Positive = 8.0
+    vote_slope: Positive = 16.0
     """η of eq. 4.7, 1/unit."""
-    vote_lambda: Positive = 4.0
+    vote_lambda: Positive = 8.0
     """λ of eq. 4.7: the penalty begins at the distance λ/η."""
     standing_fall_s: Positive = 0.2
     """Time constant with which a source that agrees with nobody loses its standing, s: agreeing with it counts less."""
@@ -57,13 +57,13 @@ class FusionConfig(Section, frozen=True, kw_only=True):
     """A source that comes back after so long without a measurement begins a new filter, s."""
     confidence_memory_s: Positive = 0.5
     """Time constant with which the fusion's own confidence falls without support, s."""
-    drift_enter: Positive = 0.5
+    drift_enter: Positive = 0.35
     """Distance from the fused answer above which a source counts as drifted, units."""
-    drift_leave: Positive = 0.3
+    drift_leave: Positive = 0.2
     """Distance below which it no longer does, units."""
-    drift_after_s: NonNegative = 0.5
+    drift_after_s: NonNegative = 0.4
     """How long it must have drifted before it is to be started anew, s."""
-    restart_every_s: Positive = 1.0
+    restart_every_s: Positive = 0.6
     """Shortest time between two new starts of one source, s."""
     restart_support: NonNegative = 0.8
     """Least such sum of the others for a new start: it would copy a wrong answer."""

@@ -26,6 +26,8 @@ class Opinion:
     """w_M of eq. 4.4."""
     penalty: float
     """Δ w_M over ω₀, times its severity: variance that it adds, in fault-free variances."""
+    sure: bool
+    """Whether the source's own confidence was at its threshold or above."""
 
 
 class Expert:
@@ -57,6 +59,11 @@ class Expert:
         """Begin anew with the next measurement: the source was started again, or elsewhere."""
         self.filter = None
 
+    def jump(self, value: np.ndarray) -> None:
+        """Go on from a measurement (N,) that was an outlier to its past and is none: others saw the same."""
+        if self.filter is not None:
+            self.filter.move(value)
+
     def hear(
         self, value: np.ndarray, t_ns: int, confidence: float, unit: np.ndarray, control: np.ndarray | None = None
     ) -> Opinion:
@@ -86,7 +93,7 @@ class Expert:
         penalty *= severity(distance / self._switch)
         if not begins:
             self.filter.update(value, base * (1.0 + penalty))
-        return Opinion(value, t_ns, distance, weight, penalty)
+        return Opinion(value, t_ns, distance, weight, penalty, confidence >= self.source.threshold)
 
     def _delta(self, confidence: float) -> float:
         if confidence < self.source.threshold:

@@ -108,6 +108,10 @@ class MotionFilter:
         # Rounding alone makes the two halves differ; over hours that would grow.
         self._filter.P = (self._filter.P + self._filter.P.T) / 2
 
+    def move(self, value: np.ndarray) -> None:
+        """Put the values at (N,), after a jump that no model foresees; rates and covariance are kept."""
+        self._filter.x[: self.size, 0] = value
+
     def ahead(self, t_ns: int, density: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Values (N,) predicted for a stamp, and the variance (N,) that the time until then adds; nothing changes."""
         dt_s = max(0.0, (t_ns - self.t_ns) * 1e-9)

@@ -10,12 +10,13 @@ import cv2
 import numpy as np
 import pytest
 
+from benchmarks import sample_video as sample_module
 from benchmarks.sample_video import sample_video
 from common.cli import main
 from common.tracking.config import ParticleFilterConfig
 from common.tracking.particle_filter import ParticleFilterTracker
 
-BOXES = Path(__file__).parent / "vtest_person.csv"
+BOXES = Path(sample_module.__file__).parent / "vtest_person.csv"
 
 
 def _boxes() -> dict[int, tuple[float, float, float, float]]:

@@ -224,6 +224,18 @@ def test_of_two_that_disagree_the_one_that_fits_the_past_is_believed() -> None:
     assert fused.sources["s1"].reliability < 1e-3 < fused.sources["s0"].reliability
 
 
+def test_a_jump_that_two_see_alike_is_followed_at_once_and_one_that_one_sees_is_not() -> None:
+    still, away = np.zeros(2), np.array([6.0, -4.0])
+    quiet: list[dict[str, object]] = [{"s0": still, "s1": still, "s2": still}] * 20
+    for seen, expected in ((("s0", "s1"), away), (("s0",), still)):
+        fusion = Fusion(_sources(3), FusionConfig())
+        _run(fusion, quiet)
+        rows: list[dict[str, object]] = [{n: away if n in seen else still for n in ("s0", "s1", "s2")}]
+        answer = _run(fusion, rows, 20)
+        np.testing.assert_allclose(answer.value, expected, atol=0.1)
+        assert answer.state == "tracking"
+
+
 def test_one_left_is_believed_and_none_left_is_predicted_then_lost_then_found_again() -> None:
     fusion = Fusion(_sources(2, 0.05), FusionConfig(predict_for_s=1.0))
     _run(fusion, [{"s0": np.array([0.05 * k, 0.0]), "s1": np.array([0.05 * k, 0.0])} for k in range(40)])

@@ -87,6 +87,29 @@ def test_drifted_member_is_outvoted_then_started_anew_and_a_placeable_one_only_m
     assert len(members[0].started) == 1
 
 
+def test_of_members_that_disagree_after_a_loss_the_one_that_looks_like_the_target_speaks() -> None:
+    right, wrong = Scripted(), Scripted()
+    tracker = _fused(wrong, right)
+    _run(tracker, 1, 10)
+    moved = FRAME.copy()
+    there: Box = (220.0, 30.0, 40.0, 30.0)
+    moved[30:60, 220:260] = FRAME[80:110, 100:140]
+    moved[80:110, 100:140] = FRAME[200:230, 0:40]
+    right.state = wrong.state = "lost"
+    for k in range(10, 40):
+        tracker.update(moved, k * 40_000_000)
+    right.box, wrong.box, right.state, wrong.state = there, (20.0, 150.0, 40.0, 30.0), "tracking", "tracking"
+    for k in range(40, 44):
+        result = tracker.update(moved, k * 40_000_000)
+    assert result.state == "tracking"
+    assert result.overlap(there) > 0.8
+    for k in range(44, 80):
+        result = tracker.update(moved, k * 40_000_000)
+    assert result.overlap(there) > 0.9
+    assert len(wrong.started) == 2
+    assert wrong.started[1] == pytest.approx(there, abs=2.0)
+
+
 def test_lost_when_all_are() -> None:
     members = Scripted(), Scripted()
     tracker = _fused(*members)
