@@ -36,7 +36,9 @@ PROPOSED, TTI, DPF = range(3)
     FULL_FROM,
     HELD_FROM,
     YIELD,
-) = range(22)
+    CURVE_LEAD,
+    CREEP,
+) = range(24)
 """Places of the law's numbers in the array that `fill_rows` takes; names as in `LimiterConfig`."""
 ASKED, INTENDED, FLOWN, BRAKING = range(4)
 """Places of the velocities of `constraints.Motion`."""
@@ -88,11 +90,18 @@ def _repulsion(h, v_i, law):  # type: ignore[no-untyped-def]
 @njit(error_model="numpy")
 def _curve(h, asked, intended, flown, closing, law):  # type: ignore[no-untyped-def]
     """`constraints.curve`, from components towards the obstacle."""
-    wanted = max(asked, intended, 0.0)
-    v_i = max(wanted, flown) + max(closing, 0.0)
-    reference = wanted - _repulsion(h, v_i, law)  # eq. 19
-    back = min((law[H_DESIRED] - h) * law[PUSH_GAIN], law[PUSH])
-    reference = max(reference, -max(back, 0.0))
+    wanted, nearing = max(asked, intended, 0.0), max(closing, 0.0)
+    v_i = max(wanted, flown) + nearing
+    read_m = max(h - law[CURVE_LEAD] * (max(flown, 0.0) + nearing), 0.0)
+    reference = wanted - _repulsion(read_m, v_i, law)  # eq. 19
+    left = (read_m - law[H_DESIRED]) * law[PUSH_GAIN]
+    back = _clipped(-left, 0.0, law[PUSH])
+    reference = max(reference, -back)
+    if law[STRATEGY] != DPF:
+        if back > 0.0:
+            reference = min(reference, -back * min(v_i / law[FULL_FROM], 1.0))
+        else:
+            reference = max(reference, min(_clipped(left, 0.0, law[CREEP]), wanted) - nearing, 0.0)
     beyond = _clipped((h - law[H_MAX]) / law[BAND], 0.0, 1.0)
     if beyond > 0.0:
         return max(reference, beyond * _stoppable(h - law[H_MIN], law))
@@ -141,7 +150,7 @@ def fill_rows(distances, units, velocities, motions, law, normals, bounds, exces
         units: unit vectors towards the obstacles, (N, K, 3).
         velocities: of the obstacles, (N, K, 3), m/s.
         motions: of the vehicles, (N, 4, 3), m/s.
-        law: the law's numbers, (22,).
+        law: the law's numbers, (24,).
         normals: (N, 2 K, 3), written.
         bounds: (N, 2 K), m/s, written.
         excess: (N, 2 K), m/s, written.

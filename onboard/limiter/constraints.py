@@ -16,6 +16,7 @@ from onboard.limiter.law import FULL_FROM_M_S, repulsion, stoppable
 
 Array = np.ndarray
 _HELD_FROM_M_S = 0.1  # the summed excess acts in full from this excess on: no jump where it ends
+_CREEP_M_S = 0.05  # what the curve leaves at least just beyond h_desired, where less than a decimetre is left
 _YIELD_M_S = 0.5  # an obstacle that comes nearer at this speed is given way to at the full push-back
 
 
@@ -54,8 +55,11 @@ def curve(distance_m: Array, normals: Array, ned_v_m_s: Array, motion: Motion, c
     """Bounds of the comfortable curve (Al-Kaff 2019, eq. 19), m/s, (..., K).
 
     v_i is the larger of the asked and the flown speed towards the obstacle, and the obstacle's own approach beside it.
-    Below h_desired the bound is negative (the paper's correction of an overshoot), capped; nothing is pushed away that
-    is not approached. What is not approached now must not become approached by what is taken away for another obstacle:
+    Below h_desired the bound is negative (the paper's correction of an overshoot). About h_desired the curve of a slow
+    approach is so flat that a small error of the velocity would move the stop by decimetres; so the last decimetre is
+    closed, and the retreat grows, with the gain of the push-back, both capped. Nothing is pushed away that is not approached. The distance is
+    the one at which the vehicle answers, `curve_lead_s` ahead: flown late, the curve would be overshot. What is not
+    approached now must not become approached by what is taken away for another obstacle:
     its bound is zero, and opens up beyond h_max within the blending band.
 
     Args:
@@ -69,10 +73,17 @@ def curve(distance_m: Array, normals: Array, ned_v_m_s: Array, motion: Motion, c
     if motion.intended is not motion.asked:
         asked = np.maximum(asked, towards(normals, motion.intended))
     closing = np.maximum(-(normals * ned_v_m_s).sum(axis=-1), 0.0)
-    v_i = np.maximum(asked, towards(normals, motion.flown)) + closing
-    reference = asked - repulsion(distance_m, v_i, config)  # eq. 19
-    retreat = np.minimum((config.h_desired_m - distance_m) * config.push_back_gain_1_s, config.push_back_m_s)
-    reference = np.maximum(reference, -np.maximum(retreat, 0.0))
+    flown = towards(normals, motion.flown)
+    v_i = np.maximum(asked, flown) + closing
+    h = np.maximum(distance_m - config.curve_lead_s * (np.maximum(flown, 0.0) + closing), 0.0)
+    reference = asked - repulsion(h, v_i, config)  # eq. 19
+    retreat = np.clip((config.h_desired_m - h) * config.push_back_gain_1_s, 0.0, config.push_back_m_s)
+    reference = np.maximum(reference, -retreat)
+    if config.strategy != "dpf":  # the field stops where its speed does, not at h_desired
+        backing = -retreat * np.minimum(v_i / FULL_FROM_M_S, 1.0)
+        left = np.clip((h - config.h_desired_m) * config.push_back_gain_1_s, 0.0, _CREEP_M_S)
+        creep = np.maximum(np.minimum(left, asked) - closing, 0.0)
+        reference = np.where(retreat > 0.0, np.minimum(reference, backing), np.maximum(reference, creep))
     beyond = np.clip((distance_m - config.h_max_m) / config.band_m, 0.0, 1.0)
     opened = np.maximum(reference, beyond * stoppable(distance_m - config.h_min_m, config))
     return np.where(beyond > 0.0, opened, reference)
@@ -203,6 +214,8 @@ def _numbers(config: LimiterConfig) -> Array:
         compiled.FULL_FROM: FULL_FROM_M_S,
         compiled.HELD_FROM: _HELD_FROM_M_S,
         compiled.YIELD: _YIELD_M_S,
+        compiled.CURVE_LEAD: config.curve_lead_s,
+        compiled.CREEP: _CREEP_M_S,
     }
     return np.array([numbers[place] for place in range(len(numbers))], dtype=float)
 
