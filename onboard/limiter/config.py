@@ -49,7 +49,7 @@ class LimiterConfig(Section, frozen=True, kw_only=True):
     v_max_m_s: Positive = 4.0
     """Repulsion at `h_min_m`, m/s; the larger, the flatter the approach far off and the steeper near."""
     curve_lead_s: NonNegative = 0.2
-    """How far ahead of the vehicle the curve is read, s: about a third of the time that its speed lags behind a setpoint.
+    """How far ahead of the vehicle the curve is read, s: a quarter of the time that its speed lags behind a setpoint.
     Tuned on the simulated autopilot's stop in front of a wall from 0.7 to 2.1 m/s."""
     dpf: DpfConfig = DpfConfig()
     """Parameters of the strategy `dpf`."""
