@@ -42,10 +42,22 @@ class Vehicles:
         self.v[..., 2] += (setpoint_m_s[..., 2] - self.v[..., 2]) * (DT_S / _VERTICAL_LAG_S)
         self.p += self.v * DT_S
 
-    def become(self, others: Vehicles, where: Array) -> None:
-        """Take over the state of others (broadcast to this shape) where a mask says so."""
-        for mine, theirs in zip(self._parts(), others._parts(), strict=True):
-            np.copyto(mine, np.broadcast_to(theirs[..., None, :], mine.shape), where=where[..., None])
+    def of(self, which: Array | slice) -> Vehicles:
+        """Copies of some of them, in the state that they have now."""
+        some = Vehicles.__new__(Vehicles)
+        some.p, some.v, some._integral, some._change, some._drag = (
+            part[which].copy() for part in (self.p, self.v, self._integral, self._change, self._drag)
+        )
+        some._lag = [part[which].copy() for part in self._lag]
+        return some
 
-    def _parts(self) -> tuple[Array, ...]:
-        return (self.p, self.v, self._integral, *self._lag, self._change)
+    @staticmethod
+    def together(parts: list[Vehicles]) -> Vehicles:
+        """Several groups as one."""
+        all_ = Vehicles.__new__(Vehicles)
+        all_.p, all_.v, all_._integral, all_._change, all_._drag = (
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("p", "v", "_integral", "_change", "_drag")
+        )
+        all_._lag = [np.concatenate([part._lag[k] for part in parts]) for k in (0, 1)]
+        return all_

@@ -21,6 +21,8 @@ Array = np.ndarray
 MOST = 8
 DURATION_S = 12.0
 CONTROL_S = 0.05
+TICKS = round(DURATION_S / CONTROL_S)
+_STEPS = round(CONTROL_S / DT_S)
 _SAMPLE_TICKS = 2  # 10 Hz
 _RANGE_M, _HALF_VIEW_RAD = 8.0, np.radians(45.0)
 _DISTANCE_NOISE_M, _VELOCITY_NOISE_M_S, _OWN_NOISE_M_S = 0.03, 0.1, 0.03
@@ -107,7 +109,7 @@ class Sensor:
         if tick % _SAMPLE_TICKS == 0:
             truth = scene.at(t_s)
             offset = truth - p_m[:, None]
-            distance = np.linalg.norm(offset, axis=-1, keepdims=True)
+            distance = _length(offset)[..., None]
             measured = truth + offset / np.maximum(distance, 1e-6) * rng.normal(0.0, _DISTANCE_NOISE_M, distance.shape)
             walking = np.any(scene.velocities != 0.0, axis=-1, keepdims=True)
             noise = rng.normal(0.0, _VELOCITY_NOISE_M_S, truth.shape) * walking * (1.0, 1.0, 0.0)
@@ -131,7 +133,7 @@ class Sensor:
         known = age_s <= keep_s(self._velocities, self._config, looks=True)
         offset = self._places + self._velocities * age_s[..., None] - p_m[:, None]
         offset = np.where(known[..., None], offset, (_FAR_M, 0.0, 0.0))
-        distance = np.linalg.norm(offset, axis=-1)
+        distance = _length(offset)
         velocities = np.where(known[..., None], self._velocities, 0.0)
         unsure_s = np.maximum(t_s - self._heard_s - self._config.stale_s, 0.0)[:, None]
         walking = np.any(velocities != 0.0, axis=-1)
@@ -149,10 +151,63 @@ class Sensor:
         return sight_speed(free, age_s, silent_s, config)
 
 
+def _length(vectors: Array) -> Array:
+    """Lengths of (..., 3), without the copies that `numpy.linalg.norm` makes: (...)."""
+    return np.sqrt(np.einsum("...i,...i", vectors, vectors))
+
+
 def in_view(offset_m: Array) -> Array:
     """Whether an offset from the vehicle lies within range and view, (...)."""
-    near = (offset_m * offset_m).sum(axis=-1) <= _RANGE_M**2
+    near = np.einsum("...i,...i", offset_m, offset_m) <= _RANGE_M**2
     return near & (np.abs(np.arctan2(offset_m[..., 1], offset_m[..., 0])) <= _HALF_VIEW_RAD)
+
+
+class Oracles:
+    """For each obstacle, a copy of its vehicle that brakes fully from the instant at which it enters range and view.
+
+    They depend on nothing that comes later, so all are flown at the end, together, each for the time that was left.
+
+    Args:
+        scene: the encounters.
+    """
+
+    def __init__(self, scene: Scene):
+        self._scene = scene
+        self._since = np.full(scene.places.shape[:2], TICKS)
+        self._begun: list[tuple[Array, Vehicles]] = []
+
+    def watch(self, tick: int, seen: Array, vehicles: Vehicles) -> None:
+        """Let those begin whose obstacle is seen, (N, 8), for the first time."""
+        entered = seen & (self._since == TICKS)
+        which = np.argwhere(entered)
+        if len(which):
+            self._since[entered] = tick
+            self._begun.append((which, vehicles.of(which[:, 0])))
+
+    def nearest_m(self, otherwise_m: Array) -> Array:
+        """Least distance of each to its obstacle, m, (N, 8); what is given where none ever began."""
+        result = otherwise_m.copy()
+        if not self._begun:
+            return result
+        # In the order of their beginning: those that have the most time left come first, and the rest drop off.
+        which = np.concatenate([w for w, _ in self._begun])
+        since = self._since[which[:, 0], which[:, 1]]
+        places = self._scene.places[which[:, 0], which[:, 1]]
+        velocities = self._scene.velocities[which[:, 0], which[:, 1]]
+        oracles = Vehicles.together([v for _, v in self._begun])
+        nearest = np.full(len(which), _FAR_M)
+        standstill = np.zeros((len(which), 3))
+        for flown in range(TICKS - int(since[0])):
+            alive = int(np.searchsorted(since, TICKS - flown))
+            if alive < len(oracles.p):
+                oracles = oracles.of(slice(alive))
+            for _ in range(_STEPS):
+                oracles.step(standstill[:alive])
+            t_s = (since[:alive] + flown + 1) * CONTROL_S
+            truth = places[:alive] + velocities[:alive] * t_s[:, None]
+            np.minimum(nearest[:alive], _length(truth - oracles.p), out=nearest[:alive])
+        result[which[:, 0], which[:, 1]] = nearest
+        return result
 
 
 @dataclass(frozen=True)
@@ -178,32 +233,26 @@ def fly(scene: Scene, config: LimiterConfig, rng: np.random.Generator) -> Ends:
     start = np.where(scene.cruising[:, None], scene.asked, 0.0)
     vehicles = Vehicles(np.zeros((count, 3)), start, scene.drag_1_s)
     ghosts = Vehicles(np.zeros((count, 3)), start, scene.drag_1_s)
-    each = np.broadcast_to(scene.drag_1_s[:, None], (count, MOST))
-    oracles = Vehicles(np.zeros((count, MOST, 3)), np.zeros((count, MOST, 3)), each)
-    seen = np.zeros((count, MOST), dtype=bool)
-    nearest, oracle_m = np.full((count, MOST), _FAR_M), np.full((count, MOST), _FAR_M)
+    oracles = Oracles(scene)
+    nearest = np.full((count, MOST), _FAR_M)
     ghost_m, standing_s, stood_s = np.full(count, _FAR_M), np.zeros(count), np.zeros(count)
     sensor, braking = Sensor(scene, config, rng), np.zeros((count, 3))
-    standstill = np.zeros((count, MOST, 3))
-    for tick in range(round(DURATION_S / CONTROL_S)):
+    truth = scene.at(0.0)
+    for tick in range(TICKS):
         t_s = tick * CONTROL_S
-        entered = in_view(scene.at(t_s) - vehicles.p[:, None]) & ~seen
-        oracles.become(vehicles, entered)
-        seen |= entered
+        oracles.watch(tick, in_view(truth - vehicles.p[:, None]), vehicles)
         sensor.look(tick, t_s, vehicles.p)
         setpoint, braking = _limited(scene, config, sensor, vehicles, braking, t_s, rng)
-        for _ in range(round(CONTROL_S / DT_S)):
+        for _ in range(_STEPS):
             vehicles.step(setpoint)
             ghosts.step(scene.asked)
-            oracles.step(standstill)
         truth = scene.at(t_s + CONTROL_S)
-        nearest = np.minimum(nearest, np.linalg.norm(truth - vehicles.p[:, None], axis=-1))
-        oracle_m = np.where(seen, np.minimum(oracle_m, np.linalg.norm(truth - oracles.p, axis=-1)), oracle_m)
-        ghost_m = np.minimum(ghost_m, np.linalg.norm(truth - ghosts.p[:, None], axis=-1).min(axis=1))
+        nearest = np.minimum(nearest, _length(truth - vehicles.p[:, None]))
+        ghost_m = np.minimum(ghost_m, _length(truth - ghosts.p[:, None]).min(axis=1))
         slow = (vehicles.v[:, 0] < 0.1 * scene.asked[:, 0]) & (t_s > 2.0)
         standing_s = np.where(slow, standing_s + CONTROL_S, 0.0)
         stood_s = np.maximum(stood_s, standing_s)
-    return Ends(nearest, np.where(seen, oracle_m, nearest), ghost_m, vehicles.p[:, 0] / ghosts.p[:, 0], stood_s)
+    return Ends(nearest, oracles.nearest_m(nearest), ghost_m, vehicles.p[:, 0] / ghosts.p[:, 0], stood_s)
 
 
 def _limited(
@@ -220,7 +269,7 @@ def _limited(
     motion = Motion(scene.asked, scene.asked, flown, braking)
     rows = obstacle_rows(*sensor.obstacles(t_s, vehicles.p), motion, config)
     v = bounded_many(scene.asked, rows)
-    speed = np.linalg.norm(v, axis=1)
+    speed = _length(v)
     fastest = np.maximum(sensor.fastest_m_s(t_s, v), deepest_braking(rows))
     v = v * np.minimum(1.0, fastest / np.maximum(speed, 1e-9))[:, None]
     return v, braking_after(rows, motion, config, CONTROL_S)
