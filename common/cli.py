@@ -19,6 +19,8 @@ from common.processes import load_config, process
 from common.session import BusConfig, RouterAbsent, Side, check_keys
 from common.supervisor import EXIT_CONFIG
 
+_PUSH_BACK = "push-back"
+
 
 def _run_side(args: argparse.Namespace) -> int:
     external = getattr(args, "pilot", "own") == "external"
@@ -49,15 +51,10 @@ def _run_do(args: argparse.Namespace) -> int:
     if args.command not in commands:
         known = ", ".join([*commands, stick_command.NAME])
         raise ConfigError(f"do: got {args.command!r}, expected one of: {known}")
-    box = None
-    if args.box:
-        try:
-            x, y, w, h = (float(part) for part in args.box.split(","))
-        except ValueError:
-            raise ConfigError(f"do {args.command}: got box {args.box!r}, expected X,Y,W,H in px") from None
-        box = (x, y, w, h)
+    switched = args.command == _PUSH_BACK
     argument = Command(
-        box_px=box,
+        box_px=_box(args) if args.argument and not switched else None,
+        on=_switch(args) if switched else None,
         height_m=args.height,
         label=args.label,
         bearing_rad=None if args.bearing is None else math.radians(args.bearing),
@@ -67,6 +64,20 @@ def _run_do(args: argparse.Namespace) -> int:
         reply = bus.query(commands[args.command], argument)
     print(f"{args.command}: {reply.outcome}" + (f": {reply.reason}" if reply.reason else ""))
     return 0 if reply.outcome == "done" else 1
+
+
+def _box(args: argparse.Namespace) -> tuple[float, float, float, float]:
+    try:
+        x, y, w, h = (float(part) for part in args.argument.split(","))
+    except ValueError:
+        raise ConfigError(f"do {args.command}: got box {args.argument!r}, expected X,Y,W,H in px") from None
+    return (x, y, w, h)
+
+
+def _switch(args: argparse.Namespace) -> bool:
+    if args.argument not in ("on", "off"):
+        raise ConfigError(f"do {args.command}: got {args.argument or 'nothing'!r}, expected on or off")
+    return args.argument == "on"
 
 
 def _run_stick(args: argparse.Namespace) -> int:

@@ -96,7 +96,12 @@ def _add_do(sub: argparse._SubParsersAction) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     do.add_argument("command", metavar="COMMAND", help="see below")
-    do.add_argument("box", nargs="?", metavar="X,Y,W,H", help="select: the target's box in the picture, px")
+    do.add_argument(
+        "argument",
+        nargs="?",
+        metavar="X,Y,W,H|on|off",
+        help="select: the target's box in the picture, px; push-back: on or off",
+    )
     do.add_argument("--height", type=float, metavar="M", help="takeoff: height above home, m")
     do.add_argument("--label", default="", metavar="NAME", help="approach-select: name of the thing")
     do.add_argument(

@@ -196,6 +196,7 @@ COMMANDS: dict[str, CommandSpec] = {
         CommandSpec("helm/do/engage", 5, "take the stick again after helm yielded or restarted; hovers"),
         CommandSpec("helm/do/chase", 5, "obey the pursuit"),
         CommandSpec("helm/do/approach", 5, "obey the approach: fly up to what was selected, and hold there"),
+        CommandSpec("helm/do/push-back", 5, "let the limiter back away from what is too near, or not: on, off"),
         CommandSpec(
             "approach/do/select",
             5,

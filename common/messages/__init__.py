@@ -281,6 +281,8 @@ class Command(Message, frozen=True, kw_only=True):
     """`approach/do/select`: direction of the thing, rad from the vehicle's heading, clockwise."""
     ned_p_m: Vec3 | None = None
     """`approach/do/select`: a point of the thing, from home, NED, m."""
+    on: bool | None = None
+    """`helm/do/push-back`: whether the limiter may back away."""
     operator: str = ""
     """Who asks, for the log."""
 

@@ -105,6 +105,8 @@ class LimiterStatus(Message, frozen=True, kw_only=True):
     """Transition zone below this distance, m."""
     h_max_m: float
     """Safe zone above this distance, m."""
+    push_back_m_s: float = 0.0
+    """Fastest retreat from what is nearer than `h_desired_m`, m/s; 0: off, by configuration or by the operator."""
     sectors_m: tuple[float, ...]
     """Nearest distance in each of 72 sectors of 5 degrees, from north clockwise, m; -1 where nothing is known; the
     range of the source where it sees nothing."""

@@ -167,6 +167,20 @@ def _approach(call: Call, flight: Flight, seen: Seen, t_ns: int) -> None:
         _wrong_state(call, flight, Event.APPROACH)
 
 
+def _push_back(call: Call, flight: Flight, seen: Seen, t_ns: int) -> None:
+    """In every state: it changes what the limiter does, not what helm does."""
+    on = call.command.on
+    if on is None:
+        _refuse(call, "got neither on nor off; say which")
+        return
+    flight.pilot.push_back(on)
+    fastest_m_s = flight.pilot.limiter.push_back_m_s
+    if on and fastest_m_s == 0.0:
+        _refuse(call, "limiter.push_back_m_s is 0 in the vehicle file: expected a speed; set one and restart helm")
+    else:
+        _done(call, f"backing away at up to {fastest_m_s:g} m/s" if on else "the limiter backs away from nothing")
+
+
 _HANDLERS: Mapping[str, Callable[[Call, Flight, Seen, int], None]] = MappingProxyType(
     {
         "helm/do/arm": _arm,
@@ -178,6 +192,7 @@ _HANDLERS: Mapping[str, Callable[[Call, Flight, Seen, int], None]] = MappingProx
         "helm/do/engage": _engage,
         "helm/do/chase": _chase,
         "helm/do/approach": _approach,
+        "helm/do/push-back": _push_back,
     }
 )
 COMMANDS: tuple[str, ...] = tuple(_HANDLERS)

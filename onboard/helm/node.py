@@ -203,13 +203,13 @@ class HelmNode(Node):
         """What the limiter did to the newest setpoint; without one, what it would do to hover."""
         if self._limited is not None and self.flight.streaming(self._telemetry):
             return self._limited
-        return limit((0.0, 0.0, 0.0), seen.around, self.limiter)
+        return limit((0.0, 0.0, 0.0), seen.around, self.flight.pilot.limiter)
 
     def _limiter_status(self, seen: Seen, t_ns: int) -> Iterable[Output]:
         if (t_ns - self._limiter_ns) / 1e9 < _LIMITER_PERIOD_S:
             return ()
         self._limiter_ns = t_ns
-        status = limiter_status(self._limited_now(seen), seen.around, self.limiter)
+        status = limiter_status(self._limited_now(seen), seen.around, self.flight.pilot.limiter)
         if self.helm.obstacle_distance:
             self._tell_autopilot(status, t_ns)
         return (Output("helm/limiter", status),)

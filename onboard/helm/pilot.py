@@ -8,6 +8,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import msgspec
+
 from common.geometry.rotation import wrap_angle
 from common.messages import Setpoint, Vec3
 from onboard.helm.arbiter import Verdict
@@ -52,7 +54,9 @@ class Pilot:
 
     def __init__(self, config: HelmConfig, limiter: LimiterConfig):
         self._config = config
-        self._limiter = limiter
+        self._configured = limiter
+        self.limiter = limiter
+        """The limiter's settings as they are flown: without push-back where the operator says so."""
         self._horizon_s = max(limiter.stop_delay_s, _HORIZON_MIN_S)
         self._height_m = self._sent_height_m = math.nan
         self._yaw_rad = math.nan
@@ -72,6 +76,11 @@ class Pilot:
         self._braking = _STANDSTILL
         self._anchor_m, self._hover_since_ns = None, None
         self._last_ns = t_ns
+
+    def push_back(self, on: bool) -> None:
+        """Let the limiter back away as fast as configured, or not at all."""
+        speed_m_s = self._configured.push_back_m_s if on else 0.0
+        self.limiter = msgspec.structs.replace(self._configured, push_back_m_s=speed_m_s)
 
     def fly(self, verdict: Verdict, telemetry: Telemetry, around: Surroundings | None, t_ns: int) -> Flown | None:
         """The setpoint for this control cycle; None without an estimate of position and heading.
@@ -179,7 +188,7 @@ class Pilot:
         limited = limit(
             (ned_v_m_s[0], ned_v_m_s[1], down_m_s),
             around,
-            self._limiter,
+            self.limiter,
             ned_vehicle_v_m_s=telemetry.position.ned_v_m_s if telemetry.position else (0.0, 0.0, 0.0),
             ned_intended_v_m_s=(intended[0], intended[1], down_m_s),
             ned_p_m=telemetry.ned_p_m(),

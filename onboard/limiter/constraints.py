@@ -57,10 +57,10 @@ def curve(distance_m: Array, normals: Array, ned_v_m_s: Array, motion: Motion, c
     v_i is the larger of the asked and the flown speed towards the obstacle, and the obstacle's own approach beside it.
     Below h_desired the bound is negative (the paper's correction of an overshoot). About h_desired the curve of a slow
     approach is so flat that a small error of the velocity would move the stop by decimetres; so the last decimetre is
-    closed, and the retreat grows, with the gain of the push-back, both capped. Nothing is pushed away that is not approached. The distance is
-    the one at which the vehicle answers, `curve_lead_s` ahead: flown late, the curve would be overshot. What is not
-    approached now must not become approached by what is taken away for another obstacle:
-    its bound is zero, and opens up beyond h_max within the blending band.
+    closed, and the retreat grows, with the gain of the push-back, both capped. The curve is read where the vehicle will
+    be `curve_lead_s` later: flown late, it would be overshot. Nothing is pushed away that is not approached. What is
+    not approached now must not become approached by what is taken away for another obstacle: its bound is zero, and
+    opens up beyond h_max within the blending band.
 
     Args:
         distance_m: (..., K), m.

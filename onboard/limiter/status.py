@@ -31,6 +31,7 @@ def limiter_status(limited: Limited, around: Surroundings | None, config: Limite
         h_desired_m=config.h_desired_m,
         h_mid_m=config.h_mid_m,
         h_max_m=config.h_max_m,
+        push_back_m_s=config.push_back_m_s,
         sectors_m=sectors_m(known),
         seen=tuple((_free_m(known) > 0.0).tolist()),
     )

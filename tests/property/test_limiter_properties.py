@@ -11,6 +11,11 @@ from hypothesis import strategies as st
 
 from common.geometry.rotation import quat_rotate
 from common.messages import Obstacle
+from onboard.helm.arbiter import Verdict
+from onboard.helm.config import HelmConfig
+from onboard.helm.pilot import Pilot
+from onboard.helm.setpoint import AccelerationSetpoint
+from onboard.helm.telemetry import AttitudeSample, PositionSample, Telemetry
 from onboard.limiter.config import LimiterConfig
 from onboard.limiter.constraints import Bounds, Motion, nearest_ahead, obstacle_rows, plain_rows
 from onboard.limiter.law import stoppable
@@ -149,6 +154,40 @@ def test_the_compiled_half_spaces_are_those_of_the_law_as_it_is_written(velociti
     )
     for many, one in zip(two, rows, strict=True):
         assert (many == one).all()
+
+
+_LEVEL = st.tuples(st.floats(-5.0, 5.0), st.floats(-5.0, 5.0))
+
+
+@given(_LEVEL, _VELOCITY, _OBSTACLES, st.booleans(), _CONFIG)
+@_FAST
+def test_an_acceleration_leads_to_no_more_than_the_bound_within_the_braking_horizon(asked, flown, obstacles, off, law):
+    """Through helm's pilot, which flies it: within the horizon, or by as hard a brake as is allowed."""
+    helm, t_ns = HelmConfig(), 1_000_000_000
+    attitude = AttitudeSample(t_ns, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    position = PositionSample(t_ns, (0.0, 0.0, -5.0), flown)
+    telemetry = Telemetry(found=True, attitude=attitude, position=position, home_local_m=(0.0, 0.0, 0.0))
+    pilot = Pilot(helm, law)
+    pilot.push_back(not off)
+    pilot.reset(telemetry, t_ns)
+    verdict = Verdict("pursuit", (0.0, 0.0, 0.0), 0.0, 0.0, ned_a_m_s2=asked)
+    now = pilot.fly(verdict, telemetry, of_obstacles(obstacles), t_ns + 20_000_000)
+    assert now is not None and isinstance(now.local, AccelerationSetpoint)
+    north, east = now.local.north_m_s2, now.local.east_m_s2
+    v, horizon_s = np.array(flown), law.stop_delay_s
+    led_to = np.array([v[0] + north * horizon_s, v[1] + east * horizon_s, now.limited.ned_v_m_s[2]])
+    most = helm.containment.braking_m_s2
+    assert math.hypot(north, east) <= most + 1e-9
+    for obstacle in obstacles:
+        place = (np.array([obstacle.distance_m]), np.array([obstacle.ned_direction]), np.array([obstacle.ned_v_m_s]))
+        for distance, normal in ((place[0], place[1]), nearest_ahead(*place, law)):
+            bound = float(stoppable(distance - law.h_min_m - law.margin_m, law)[0])
+            braked = math.hypot(north, east) >= most - 1e-6
+            share = most * horizon_s / max(math.dist(now.limited.ned_v_m_s[:2], flown[:2]), 1e-9) if braked else 1.0
+            # A vehicle too fast for one horizon comes as near to the bound as the hardest braking brings it.
+            reached = (1.0 - share) * float(normal[0, :2] @ v[:2]) + share * bound
+            vertical = (1.0 - share) * float(normal[0, 2] * led_to[2])
+            assert float(normal[0] @ led_to) <= max(reached + vertical, bound) + 1e-6
 
 
 _ROWS = st.lists(st.tuples(_unit(), st.floats(-0.5, 2.0)), min_size=1, max_size=12)

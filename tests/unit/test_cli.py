@@ -60,6 +60,8 @@ def test_an_unknown_argument_is_named(arguments: list[str], said: str, capsys: p
         (["node", "persuit"], "did you mean 'pursuit'"),
         (["do", "fly"], "expected one of: "),
         (["do", "select", "1,2,3"], "expected X,Y,W,H in px"),
+        (["do", "push-back", "of"], "expected on or off"),
+        (["do", "push-back"], "expected on or off"),
         (["ground", "--set", "pursuit.hight=3"], "pursuit"),
         (["sim", "--config", "kyte"], "kyte"),
         (["sim", "--pose", "local"], "expected it beside --autopilot external"),

@@ -43,6 +43,33 @@ def test_every_source_of_obstacles_counts_and_the_limiter_says_what_it_did():
         assert said[-1].sectors_m[1:] == (-1.0,) * 71
 
 
+def test_the_operator_switches_the_push_back_off_and_on():
+    desk = Desk().fly().chase((1.0, 0.0, 0.0))
+    told: list[LimiterStatus] = []
+
+    def push(seconds: float) -> tuple[float, LimiterStatus]:
+        """At what stays 1.1 m ahead, whatever the vehicle does: its speed, and what the limiter says."""
+        desk.obstacles = [Obstacle(distance_m=1.1, ned_direction=(1.0, 0.0, 0.0))]
+        for _ in range(round(seconds / 0.02)):
+            told.extend(o.message for o in desk.step() if isinstance(o.message, LimiterStatus))
+        return desk.vehicle.v[0], told[-1]
+
+    speed, status = push(2.0)
+    assert speed == pytest.approx(-0.4, abs=0.05) and (status.why, status.push_back_m_s) == ("push-back", 0.5)
+    assert (answer := desk.call("push-back", on=False).answer) and answer.outcome == "done"
+    speed, status = push(2.0)
+    assert speed == pytest.approx(0.0, abs=0.02) and (status.why, status.push_back_m_s) == ("curve", 0.0)
+    assert (answer := desk.call("push-back").answer) and answer.outcome == "refused" and "on nor off" in answer.reason
+    assert (answer := desk.call("push-back", on=True).answer) and answer.outcome == "done"
+    assert push(2.0)[0] == pytest.approx(-0.4, abs=0.05)
+
+
+def test_a_push_back_that_is_not_configured_cannot_be_switched_on():
+    desk = Desk(limiter={"push_back_m_s": 0.0}).fly()
+    assert (answer := desk.call("push-back", on=True).answer) and answer.outcome == "refused"
+    assert "limiter.push_back_m_s" in answer.reason
+
+
 def _lean(north_m_s2: float, east_m_s2: float = 0.0) -> Request:
     return Request(kind="acceleration", frame="ned", vector=(north_m_s2, east_m_s2, 0.0))
 
