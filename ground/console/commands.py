@@ -70,6 +70,9 @@ RETURN = Action("Return", ("helm/do/return",), Icon.HOME)
 ENGAGE = Action("Engage", ("helm/do/engage",), Icon.STEERING_WHEEL)
 ARM = Action("Arm", ("helm/do/arm",), Icon.LOCK_OPEN, ButtonLook(height_px=34))
 DISARM = Action("Disarm", ("helm/do/disarm",), Icon.LOCK, ButtonLook(height_px=34))
+PUSH_BACK = Action(
+    "Push-back on / off", ("helm/do/push-back",), Icon.ARROW_BACK_UP, ButtonLook(wide=True, height_px=34)
+)
 SELECT = Action("Choose target", ("pursuit/do/select",), Icon.MARQUEE_2)
 
 BUTTONS = (
@@ -86,6 +89,7 @@ BUTTONS = (
     ENGAGE,
     ARM,
     DISARM,
+    PUSH_BACK,
 )
 """Buttons of the page, in reading order."""
 

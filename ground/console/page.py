@@ -27,6 +27,7 @@ from ground.console.commands import (
     BUTTONS,
     ENGAGE,
     HOLD,
+    PUSH_BACK,
     START_CHASE,
     TAKE_OFF,
     Action,
@@ -123,6 +124,7 @@ class Page:
         self._slow_due_ns = 0
         self._beat = 0
         self._has_selected = False
+        self._pushes_back = False
         gui = server.gui
         gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=(74, 168, 255))
         gui.main_panel.dock_right()
@@ -288,12 +290,15 @@ class Page:
             return action, Command(label=self._things.value)
         if action is APPROACH and self._has_selected:
             return APPROACH_SELECTED, Command()
+        if action is PUSH_BACK:
+            return action, Command(on=not self._pushes_back)
         return action, Command()
 
     def _offer_things(self, view: Snapshot) -> None:
         """Names of the things that are seen now; the one that is chosen stays in the list."""
         target = view.approach if view.fresh(APPROACH_TOPIC) else None
         self._has_selected = target is not None and target.state == "tracking"
+        self._pushes_back = view.limiter is not None and view.limiter.push_back_m_s > 0.0
         names = {o.label for o in view.obstacles if o.label} | {self._things.value} - {AS_SELECTED}
         options = (AS_SELECTED, *sorted(names))
         if tuple(self._things.options) != options:
