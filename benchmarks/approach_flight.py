@@ -23,7 +23,6 @@ from simulation.autopilot.response import configured, hovering
 from simulation.autopilot.setpoints import decode
 
 STEP_S = 0.02
-_START_M = 14.0
 _SENSOR_STEPS = 5  # 10 Hz
 _DELAY_NS = 50_000_000
 _NOISE_M = 0.02
@@ -128,8 +127,10 @@ class Flight:
     """What limited, T."""
 
 
-def fly(vehicle: Vehicle, config: LimiterConfig, speed_m_s: float, duration_s: float, seed: int) -> Flight:
-    """Ask for a speed at a wall 14 m ahead, all the time.
+def fly(
+    vehicle: Vehicle, config: LimiterConfig, speed_m_s: float, duration_s: float, seed: int, start_m: float = 14.0
+) -> Flight:
+    """Ask for a speed at a wall ahead, all the time.
 
     Args:
         vehicle: at its beginning; it is left there.
@@ -137,6 +138,7 @@ def fly(vehicle: Vehicle, config: LimiterConfig, speed_m_s: float, duration_s: f
         speed_m_s: asked, m/s.
         duration_s: how long, s.
         seed: of the sensor's noise.
+        start_m: distance of the wall at the beginning, m.
     """
     rng = np.random.default_rng(seed)
     flown = vehicle.start()
@@ -151,7 +153,7 @@ def fly(vehicle: Vehicle, config: LimiterConfig, speed_m_s: float, duration_s: f
         north_m, north_m_s = flown.truth()
         known.follow(p, t_ns)
         if index % _SENSOR_STEPS == 0:
-            measured = max(_START_M - north_m + vehicle.noise_m * rng.standard_normal(), 0.0)
+            measured = max(start_m - north_m + vehicle.noise_m * rng.standard_normal(), 0.0)
             wall = Obstacle(distance_m=measured, ned_direction=(1.0, 0.0, 0.0))
             waiting.append((t_ns, Obstacles(obstacles=(wall,))))
         while waiting and waiting[0][0] <= t_ns - (_DELAY_NS if vehicle.noise_m else 0):
@@ -164,7 +166,7 @@ def fly(vehicle: Vehicle, config: LimiterConfig, speed_m_s: float, duration_s: f
         if now is None:
             raise RuntimeError("approach: got no setpoint, expected one in each step")
         flown.obey(now.local)
-        rows.append((_START_M - north_m, north_m_s, now.local.north_m_s))
+        rows.append((start_m - north_m, north_m_s, now.local.north_m_s))
         why.append(now.limited.why)
     distance, speed, setpoint = np.array(rows).T
     return Flight(distance, speed, setpoint, tuple(why))
