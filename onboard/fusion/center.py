@@ -186,6 +186,8 @@ class Fusion:
         Beyond the thesis: what two or more see alike, each sure of itself, is a jump of the target or of the camera,
         not a fault. Their experts and the centre go on from there.
         """
+        if not self._config.common_jumps:
+            return set()
         outliers = [n for n, o in opinions.items() if o.weight > 0.5 and o.sure]
         jumped = {
             name

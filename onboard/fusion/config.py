@@ -34,10 +34,13 @@ class FusionConfig(Section, frozen=True, kw_only=True):
     """ω₀ of eq. 4.7."""
     omega: NonNegative = 1000.0
     """ω of eq. 4.7 (the thesis: 500 to 20,000)."""
-    vote_slope: Positive = 16.0
+    vote_slope: Positive = 8.0
     """η of eq. 4.7, 1/unit."""
-    vote_lambda: Positive = 8.0
+    vote_lambda: Positive = 4.0
     """λ of eq. 4.7: the penalty begins at the distance λ/η."""
+    common_jumps: bool = False
+    """Whether what two sources see alike, each sure of itself, is believed however far it is from their pasts. For
+    vectors of several components alone: two faulty numbers meet by chance far more often than two faulty boxes."""
     standing_fall_s: Positive = 0.2
     """Time constant with which a source that agrees with nobody loses its standing, s: agreeing with it counts less."""
     standing_rise_s: Positive = 4.0
@@ -81,6 +84,12 @@ class HabDfConfig(Section, frozen=True, kw_only=True):
 
     members: Annotated[tuple[str, ...], msgspec.Meta(min_length=1)] = ("dsst", "cmt", "struck")
     """Names of the registry. Three make a majority; of two that disagree, the past tells which to believe."""
+    vote_slope: Positive = 16.0
+    """`fusion.vote_slope` for boxes: healthy ones of different trackers lie 0.2 to 0.3 target sizes apart."""
+    vote_lambda: Positive = 8.0
+    """`fusion.vote_lambda` for boxes: the same switch of half a target size as the general one."""
+    common_jumps: bool = True
+    """`fusion.common_jumps` for boxes: a shaken camera moves all of them."""
 
     def check(self) -> None:
         """Raise ConfigError when a member is named twice, or is the fusion itself."""

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import cv2
 import numpy as np
+from msgspec.structs import replace
 
 from common.config import Config, Section
 from common.evaluation import jaccard
@@ -54,10 +55,14 @@ CHARACTERS = {
 a car. The colour filter and MIL also follow what is not the target, so neither alone shows that it is seen."""
 _DOUBTFUL = 0.45
 """Relative similarity below which a member's box is doubted if another member's is clearly more similar."""
+_CORRELATED = 0.5
+"""Correlation with a known patch below which a box is taken for less similar than it is relative to the background."""
 _CLEARLY = 0.1
 _UNLIKE, _ALONE_UNLIKE = 0.3, 0.5
 """Relative similarity below which it is doubted in any case, and when the other members say that they are lost."""
-_UNDECIDED_S = 0.15
+_SAME = 0.5
+"""Overlap above which two boxes are the same."""
+_UNDECIDED_S = 0.06
 """How long the answer must have been without support before one member is chosen to speak, s."""
 _CHOSEN = 0.5
 """Least relative similarity of the one that is chosen."""
@@ -102,11 +107,18 @@ class HabDfTracker:
         """
         from common.tracking.registry import make_tracker  # the registry names this class
 
-        names = config.section(HabDfConfig).members
+        own = config.section(HabDfConfig)
+        names = own.members
         members = {
             name: make_tracker(name, config, child) for name, child in zip(names, rng.spawn(len(names)), strict=True)
         }
-        return cls(members, config.section(FusionConfig))
+        fusion = replace(
+            config.section(FusionConfig),
+            vote_slope=own.vote_slope,
+            vote_lambda=own.vote_lambda,
+            common_jumps=own.common_jumps,
+        )
+        return cls(members, fusion)
 
     def init(self, frame: np.ndarray, box: Box, angle_rad: float = 0.0, t_ns: int | None = None) -> None:
         """Start every member on the target."""
@@ -142,7 +154,7 @@ class HabDfTracker:
         doubted = self._doubted(similar)
         self._choose(similar, t_ns)
         said = [
-            _measurement(n, r, t_ns, n in doubted) if self._chosen in (None, n) else Measurement(n, t_ns, None)
+            _measurement(n, r, t_ns, n in doubted) if self._speaks(n) else Measurement(n, t_ns, None)
             for n, r in self.answers.items()
         ]
         self.fused = self._fusion.step(said, t_ns)
@@ -159,12 +171,20 @@ class HabDfTracker:
         )
 
     def _similar(self, grey: np.ndarray) -> dict[str, float]:
-        """Relative similarity of the box of each member that has one, in the picture (H, W) uint8."""
+        """How much the box of each member that has one looks like the target, in the picture (H, W) uint8, 0 to 1."""
         return {
-            name: self._witness.similarity(upright_patch(grey, upright_box(answer)))[0]
+            name: self._likeness(grey, upright_box(answer))
             for name, answer in self.answers.items()
             if answer.state == "tracking"
         }
+
+    def _likeness(self, grey: np.ndarray, box: Box) -> float:
+        """Relative similarity of a box, less where it correlates with no known patch of the target.
+
+        While little is known of the background, anything is more like the target than like that.
+        """
+        similarity, correlation = self._witness.similarity(upright_patch(grey, box))
+        return similarity * min(1.0, max(0.0, correlation / _CORRELATED))
 
     def _doubted(self, similar: Mapping[str, float]) -> set[str]:
         """Members whose box looks less like the target than another's does, or like nothing known."""
@@ -187,7 +207,21 @@ class HabDfTracker:
             elif self._chosen is None or similar.get(self._chosen, 0.0) < similar[best] - _CLEARLY:
                 self._chosen = best
                 if self._fusion is not None:
-                    self._fusion.forget(best)
+                    for name in (best, *self._agree_with(best)):
+                        self._fusion.forget(name)
+
+    def _agree_with(self, name: str) -> list[str]:
+        """The other members whose box overlaps that of this one by half."""
+        box = upright_box(self.answers[name])
+        return [
+            other
+            for other, answer in self.answers.items()
+            if other != name and answer.state == "tracking" and jaccard(upright_box(answer), box) > _SAME
+        ]
+
+    def _speaks(self, name: str) -> bool:
+        """Whether a member is heard: all are, unless one was chosen, and then those that agree with it."""
+        return self._chosen is None or name == self._chosen or name in self._agree_with(self._chosen)
 
     def _learn(self, grey: np.ndarray, box: Box) -> None:
         """Let the witness learn the fused box where members that agree speak for it, and what else is like it."""
@@ -219,7 +253,7 @@ class HabDfTracker:
             return
         width, height = self._size
         box = (u - width / 2, v - height / 2, width, height)
-        if not self._agreed() and self._witness.similarity(upright_patch(grey, box))[0] < _ALONE_UNLIKE:
+        if not self._agreed() and self._likeness(grey, box) < _ALONE_UNLIKE:
             return  # it rests on one member, and does not look like the target
         for name in self.fused.restart:
             member = self.members[name]

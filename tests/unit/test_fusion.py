@@ -228,7 +228,7 @@ def test_a_jump_that_two_see_alike_is_followed_at_once_and_one_that_one_sees_is_
     still, away = np.zeros(2), np.array([6.0, -4.0])
     quiet: list[dict[str, object]] = [{"s0": still, "s1": still, "s2": still}] * 20
     for seen, expected in ((("s0", "s1"), away), (("s0",), still)):
-        fusion = Fusion(_sources(3), FusionConfig())
+        fusion = Fusion(_sources(3), FusionConfig(common_jumps=True))
         _run(fusion, quiet)
         rows: list[dict[str, object]] = [{n: away if n in seen else still for n in ("s0", "s1", "s2")}]
         answer = _run(fusion, rows, 20)
