@@ -256,6 +256,8 @@ class HabDfTracker:
         if not self._agreed() and self._likeness(grey, box) < _ALONE_UNLIKE:
             return  # it rests on one member, and does not look like the target
         for name in self.fused.restart:
+            if self.answers[name].state == "tracking" and not self._agreed():
+                continue  # it is as sure as the one that it would be made to follow
             member = self.members[name]
             try:
                 if isinstance(member, Placeable):

@@ -26,7 +26,6 @@ from onboard.fusion.weights import (
 )
 
 PERIOD_NS = 50_000_000
-NO_VOTE = {"omega": 0.0, "delta": 0.0}
 
 
 def _line(count: int, seed: int = 0, noise: float = 0.1) -> list[np.ndarray]:
@@ -182,7 +181,7 @@ def test_low_confidence_raises_delta() -> None:
 
 def test_fusion_without_penalties_is_the_filter_over_all_sources() -> None:
     """Three independent sources of equal noise are one of a third of the variance."""
-    config = FusionConfig(acceleration=1.0, correlation=0.0, **NO_VOTE)
+    config = FusionConfig(acceleration=1.0, correlation=0.0, omega=0.0, delta=0.0)
     streams = [_line(50, seed) for seed in (1, 2, 3)]
     fused = _run(Fusion(_sources(3), config), [{f"s{i}": s[k] for i, s in enumerate(streams)} for k in range(50)])
     mean = [np.mean(row, axis=0) for row in zip(*streams, strict=True)]

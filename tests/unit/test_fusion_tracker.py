@@ -106,8 +106,7 @@ def test_of_members_that_disagree_after_a_loss_the_one_that_looks_like_the_targe
     for k in range(44, 80):
         result = tracker.update(moved, k * 40_000_000)
     assert result.overlap(there) > 0.9
-    assert len(wrong.started) == 2
-    assert wrong.started[1] == pytest.approx(there, abs=2.0)
+    assert len(wrong.started) == 1, "it is as sure as the other, and nobody else says which is right"
 
 
 def test_lost_when_all_are() -> None:
