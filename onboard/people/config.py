@@ -128,6 +128,8 @@ class AssociationConfig(Section, frozen=True, kw_only=True):
     """Pictures in which a person must be seen to be believed."""
     provisional_s: Positive = 2.0
     """A person not yet believed who is out of sight for this long is forgotten, s."""
+    sight_factor: Fraction = 0.5
+    """What unbroken sight of a region leaves of the cost of taking what it shows for the same person as before."""
     walk_m_s: Positive = 2.0
     """How fast people get elsewhere, m/s."""
     slack_m: Positive = 1.0

@@ -28,6 +28,10 @@ class Detection:
     """(3,) position; None without depth or vehicle pose."""
     ned_p_cov_m2: Array | None = None
     """(3, 3) its covariance."""
+    known: int | None = None
+    """Number that unbroken sight of the region suggests; None where it was not seen before."""
+    fresh: bool = True
+    """Whether pose and look come from this picture. What does not is taken for the person that `known` names."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +56,8 @@ class Track:
     """(3,) where; stays when the person is out of sight; None where it was never known."""
     ned_p_cov_m2: Array | None
     """(3, 3) covariance at `seen_ns`."""
+    dismissed: bool = False
+    """Whether it is nobody: it keeps its looks, so that it is not taken for somebody new."""
 
 
 class PeopleTracker:
@@ -68,7 +74,7 @@ class PeopleTracker:
         self._last_ns: int | None = None
 
     def update(self, detections: Sequence[Detection], t_ns: int) -> list[int]:
-        """Number of the person that each detection shows.
+        """Number of the person that each detection shows; 0 for one that is not fresh and whose person is gone.
 
         Args:
             detections: of one picture.
@@ -80,23 +86,77 @@ class PeopleTracker:
         if self._last_ns is not None and t_ns < self._last_ns:
             raise ValueError(f"tracks: got t_ns {t_ns}, expected at least {self._last_ns}: pictures in their order")
         self._last_ns = t_ns
+        numbers = [self._carried(d, t_ns) for d in detections]
         # In the order of their numbers whatever the order of the detections; ties are broken by cost alone.
-        costs = np.array([[self._cost(track, d, t_ns) for d in detections] for track in self.tracks])
-        numbers = [0] * len(detections)
+        costs = np.array([[self._cost(track, d, t_ns, numbers) for d in detections] for track in self.tracks])
         for row, column in assign(costs, self.config.gate):
             self.tracks[row] = self._seen_again(self.tracks[row], detections[column], t_ns)
             numbers[column] = self.tracks[row].number
         for index, detection in enumerate(detections):
-            if not numbers[index]:
+            if not numbers[index] and detection.fresh:
                 numbers[index] = self._begin(detection, t_ns)
         self._drop_doubtful(t_ns)
         return numbers
 
-    def _cost(self, track: Track, detection: Detection, t_ns: int) -> float:
+    def dismiss(self, number: int) -> None:
+        """Take a person for nobody from now on.
+
+        Raises:
+            KeyError: there is none of this number.
+        """
+        row = self._row(number)
+        self.tracks[row] = replace(self.tracks[row], dismissed=True)
+
+    def merge(self, number: int, into: int) -> None:
+        """Take two people for one; the looks of both are kept, as far as the gallery has room.
+
+        Args:
+            number: which one is no more.
+            into: who goes on.
+
+        Raises:
+            KeyError: there is none of this number.
+        """
+        gone, kept = self.tracks[self._row(number)], self.tracks[self._row(into)]
+        newer = gone if gone.seen_ns > kept.seen_ns else kept
+        looks = kept.looks
+        for look in gone.looks:
+            looks = self._gallery(looks, look)
+        self.tracks[self._row(into)] = replace(
+            newer,
+            number=kept.number,
+            confirmed=kept.confirmed or gone.confirmed,
+            hits=kept.hits + gone.hits,
+            looks=looks,
+            first_ns=min(kept.first_ns, gone.first_ns),
+            ned_p_m=kept.ned_p_m if newer.ned_p_m is None else newer.ned_p_m,
+            ned_p_cov_m2=kept.ned_p_cov_m2 if newer.ned_p_m is None else newer.ned_p_cov_m2,
+            dismissed=kept.dismissed,
+        )
+        del self.tracks[self._row(number)]
+
+    def _row(self, number: int) -> int:
+        return {track.number: row for row, track in enumerate(self.tracks)}[number]
+
+    def _carried(self, detection: Detection, t_ns: int) -> int:
+        """Number of the person that a detection without a pose of its own goes on showing; 0 where there is none."""
+        rows = {track.number: row for row, track in enumerate(self.tracks)}
+        if detection.fresh or detection.known not in rows:
+            return 0
+        row = rows[detection.known]
+        track = self.tracks[row]
+        if track.seen_ns == t_ns:
+            return 0
+        position, covariance = self._position(track, detection, (t_ns - track.seen_ns) / 1e9)
+        self.tracks[row] = replace(track, seen_ns=t_ns, ned_p_m=position, ned_p_cov_m2=covariance)
+        return track.number
+
+    def _cost(self, track: Track, detection: Detection, t_ns: int, given: Sequence[int]) -> float:
         gap_s = (t_ns - track.seen_ns) / 1e9
-        if not self._reachable(track, detection, gap_s):
+        if not detection.fresh or track.number in given or not self._reachable(track, detection, gap_s):
             return float("inf")
-        return match_cost(track.looks, track.pose, detection.look, detection.pose, gap_s, self.config)
+        cost = match_cost(track.looks, track.pose, detection.look, detection.pose, gap_s, self.config)
+        return cost * (self.config.sight_factor if detection.known == track.number else 1.0)
 
     def _reachable(self, track: Track, detection: Detection, gap_s: float) -> bool:
         """Whether the person can have walked there in the time; yes where a position is not known."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -48,7 +49,7 @@ def _look(name: str, angle_rad: float = 0.0, scale: float = 1.0, ground: int = 9
     return look_of(picture, region_of(body.joints_px), body), body
 
 
-def _detection(name: str, angle_rad: float = 0.0, scale: float = 1.0, **place: np.ndarray) -> Detection:
+def _detection(name: str, angle_rad: float = 0.0, scale: float = 1.0, **place: Any) -> Detection:
     look, body = _look(name, angle_rad, scale)
     return Detection(body, look, **place)
 

@@ -1,0 +1,244 @@
+"""From pictures to people: regions, poses, filter, association, tracks; no bus, no clock but for the poses' budget.
+
+```python
+people = PeoplePipeline(PeopleConfig(), colour_camera, depth_camera, PoseNetwork(blazepose(blazepose_file())))
+findings = people.look(Frame(picture, capture_ns, depth_m, depth_ns, vehicle))
+```
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.geometry.camera import Camera
+from onboard.people.appearance import look_of
+from onboard.people.depth import UnusableDepth
+from onboard.people.detector import PersonDetector
+from onboard.people.pipeline_config import PeopleConfig
+from onboard.people.pose import Picture, Pose, PoseFinder, PoseNetwork
+from onboard.people.pose_filter import pose_refusal
+from onboard.people.sights import DepthSearch, Sight, VehiclePose
+from onboard.people.tracks import Detection, PeopleTracker, Track
+from onboard.people.walk import Walks
+from onboard.people.watch import Spot, Watch
+
+_SMOOTHING = 0.2
+"""Share of the newest look's duration in what the next one is expected to take."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What the sensors gave at one time."""
+
+    colour: Picture
+    """(H, W, 3) BGR."""
+    capture_ns: int
+    """When the picture was taken, vehicle clock."""
+    depth: NDArray | None = None
+    """(H, W); uint16 in mm, or float in m; None without."""
+    depth_ns: int | None = None
+    """When that was taken."""
+    vehicle: VehiclePose | None = None
+    """Where the vehicle was at `capture_ns`; None where it is not known."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """A person in the picture."""
+
+    number: int
+    """Who it is."""
+    sight: Sight
+    """Region and place."""
+    pose: Pose
+    """Joints in this picture."""
+    fresh: bool
+    """Whether they were found in it, rather than moved along from an earlier one."""
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What one picture showed."""
+
+    people: tuple[Found, ...]
+    """People in it who were not dismissed."""
+    with_depth: bool
+    """Whether depth was used."""
+    reason: str
+    """Why nothing can be found, or only with less than usual; empty when all is well."""
+    sights: tuple[Sight, ...] = ()
+    """Every region that might have been a person."""
+    looks: int = 0
+    """Regions that were looked at for a pose."""
+    stage_ms: dict[str, float] = field(default_factory=dict)
+    """How long `regions`, `poses` and `tracks` took, ms."""
+
+
+class PeoplePipeline:
+    """Finds and follows people through the pictures of one camera.
+
+    Args:
+        config: how its stages work.
+        colour: calibration of the colour camera; None where it is not known.
+        depth: calibration of its depth camera; None without one.
+        network: finds joints in an upright crop.
+        detector: regions where depth gives none.
+        clock: seconds, for the budget of the poses.
+    """
+
+    def __init__(
+        self,
+        config: PeopleConfig,
+        colour: Camera | None,
+        depth: Camera | None,
+        network: PoseNetwork,
+        detector: PersonDetector | None = None,
+        clock: Callable[[], float] = time.perf_counter,
+    ):
+        self.config = config
+        self.tracker = PeopleTracker(config.association)
+        self.walks = Walks()
+        self.watch = Watch(config.watch)
+        self._colour, self._detector, self._clock = colour, detector, clock
+        self._search = None
+        self._blind = _why_without_depth(config, colour, depth)
+        if colour is not None and depth is not None and not self._blind:
+            self._search = DepthSearch(config, colour, depth)
+        self._finder = PoseFinder(network)
+        self._look_ms = 0.0
+        self._last_ns: int | None = None
+
+    @property
+    def tracks(self) -> Sequence[Track]:
+        """Everybody who was seen and not forgotten."""
+        return self.tracker.tracks
+
+    def merge(self, number: int, into: int) -> None:
+        """Take two people for one.
+
+        Raises:
+            KeyError: there is none of one of the numbers.
+        """
+        self.tracker.merge(number, into)
+        self.watch.merged(number, into)
+
+    def look(self, frame: Frame) -> Findings:
+        """People in a picture. What is missing or wrong is stated in `reason`; what can be done without it is done."""
+        refusal = self._refusal(frame)
+        if refusal:
+            return Findings((), False, refusal)
+        self._last_ns = frame.capture_ns
+        start = self._clock()
+        sights, with_depth, reason = self._sights(frame)
+        between = self._clock()
+        spots = self.watch.follow(sights, frame.capture_ns)
+        looks = self._pose(spots, frame, with_depth)
+        posed = self._clock()
+        people = self._identify(spots, frame)
+        stages = {
+            "regions": 1e3 * (between - start),
+            "poses": 1e3 * (posed - between),
+            "tracks": 1e3 * (self._clock() - posed),
+        }
+        return Findings(people, with_depth, reason, tuple(sights), looks, stages)
+
+    def _refusal(self, frame: Frame) -> str:
+        """Why a picture cannot be used at all."""
+        shape, colour = frame.colour.shape, self._colour
+        if len(shape) != 3 or shape[2] != 3 or frame.colour.dtype != np.uint8:
+            return f"picture: got {frame.colour.dtype} of shape {shape}, expected uint8 of (height, width, 3), BGR"
+        if colour is not None and shape[:2] != (colour.height, colour.width):
+            return f"picture: got {shape[1]}x{shape[0]} px, expected {colour.width}x{colour.height} of its calibration"
+        if self._last_ns is not None and frame.capture_ns <= self._last_ns:
+            return f"picture: its time {frame.capture_ns} ns is not after the last one's, {self._last_ns} ns"
+        return ""
+
+    def _sights(self, frame: Frame) -> tuple[list[Sight], bool, str]:
+        """Regions, whether from depth, and what was missing."""
+        reason = self._blind or self._mismatch(frame)
+        if not reason and self._search is not None and frame.depth is not None:
+            try:
+                sights = self._search.find(frame.depth, frame.vehicle)
+            except UnusableDepth as unusable:
+                reason = str(unusable)
+            else:
+                no_pose = "no pose of the vehicle at the picture's time: places are in the camera's frame alone"
+                return sights, True, "" if frame.vehicle is not None else no_pose
+        if self._detector is None:
+            return [], False, f"{reason}; without a detector (people.detector) nobody can be found"
+        return [Sight(region) for region in self._detector.find(frame.colour)], False, reason
+
+    def _mismatch(self, frame: Frame) -> str:
+        if frame.depth is None or frame.depth_ns is None:
+            return "no depth with the picture"
+        apart_ms = abs(frame.depth_ns - frame.capture_ns) / 1e6
+        if apart_ms <= self.config.pair_ms:
+            return ""
+        return f"picture and depth are {apart_ms:.0f} ms apart, expected {self.config.pair_ms:g} ms or less"
+
+    def _pose(self, spots: Sequence[Spot], frame: Frame, with_depth: bool) -> int:
+        """Look for poses, the most urgent regions first, within the budget; how many were looked at."""
+        budget_ms = self.config.watch.budget_ms
+        start, looks = self._clock(), 0
+        for spot in self.watch.due(spots, frame.capture_ns) if budget_ms else spots:
+            begun = self._clock()
+            if budget_ms and looks and 1e3 * (begun - start) + self._look_ms > budget_ms:
+                break
+            self._pose_of(spot, frame, with_depth)
+            looks += 1
+            took_ms = 1e3 * (self._clock() - begun)
+            self._look_ms += (_SMOOTHING if self._look_ms else 1.0) * (took_ms - self._look_ms)
+        return looks
+
+    def _pose_of(self, spot: Spot, frame: Frame, with_depth: bool) -> None:
+        region = spot.sight.region
+        pose = self._finder.find(frame.colour, region, spot.up)
+        focal_px = None
+        if with_depth and self._colour is not None:
+            focal_px = 0.5 * (self._colour.fx_px + self._colour.fy_px)
+        refusal = pose_refusal(pose, region, self.config.pose_filter, focal_px)
+        if refusal:
+            spot.refused(refusal, frame.capture_ns)
+        else:
+            spot.found(pose, look_of(frame.colour, region, pose), frame.capture_ns)
+
+    def _identify(self, spots: Sequence[Spot], frame: Frame) -> tuple[Found, ...]:
+        """Who is in the picture."""
+        t_ns = frame.capture_ns
+        shown = [spot for spot in spots if self.watch.carries(spot, t_ns)]
+        numbers = self.tracker.update([_detection(spot, t_ns) for spot in shown], t_ns)
+        tracks = {track.number: track for track in self.tracker.tracks}
+        self.walks.keep(tracks)
+        found = []
+        for spot, number in zip(shown, numbers, strict=True):
+            spot.number = number
+            spot.confirmed = number in tracks and tracks[number].confirmed
+            pose = spot.pose_now(t_ns)
+            if number not in tracks or pose is None:
+                continue
+            if spot.sight.ned_p_m is not None:
+                self.walks.add(number, t_ns, spot.sight.ned_p_m)
+            if not tracks[number].dismissed:
+                found.append(Found(number, spot.sight, pose, spot.posed_ns == t_ns))
+        return tuple(found)
+
+
+def _why_without_depth(config: PeopleConfig, colour: Camera | None, depth: Camera | None) -> str:
+    if not config.use_depth:
+        return "depth is switched off (people.use_depth)"
+    if colour is None:
+        return "no intrinsics of the colour camera: depth cannot be registered with it"
+    return "" if depth is not None else "no depth camera, or no intrinsics of it"
+
+
+def _detection(spot: Spot, t_ns: int) -> Detection:
+    pose, look = spot.pose_now(t_ns), spot.look
+    if pose is None or look is None:
+        raise RuntimeError("a spot without a pose counts as a person")  # `Watch.carries` rules it out
+    sight = spot.sight
+    return Detection(pose, look, sight.ned_p_m, sight.ned_p_cov_m2, spot.number or None, spot.posed_ns == t_ns)

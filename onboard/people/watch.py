@@ -1,0 +1,173 @@
+"""Which region is which of the picture before, and which are worth the time that a pose takes.
+
+A pose costs as much as everything else together, ten times over. So new regions come first, then people not believed
+yet, then what has changed or waited longest; what was no person is looked at ever more rarely until it changes. A
+person's region goes on being that person for a while without another pose.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from common.geometry.rotation import Array
+from onboard.people.appearance import Look
+from onboard.people.association import assign
+from onboard.people.pipeline_config import WatchConfig
+from onboard.people.pose import Pose
+from onboard.people.regions import Box
+from onboard.people.sights import Sight
+
+_FULL_EVERY = 3
+"""Every so many looks both ends of the body are tried again."""
+_LEAST_SCALE, _MOST_SCALE = 0.6, 1.6
+
+
+@dataclass
+class Spot:
+    """A region over time."""
+
+    sight: Sight
+    """Where it is now."""
+    seen_ns: int
+    """When it was last there."""
+    looked: Sight | None = None
+    """Where it was when it was last looked at; None before that."""
+    looked_ns: int = 0
+    """When that was."""
+    looks: int = 0
+    """How often it was looked at."""
+    refusals: int = 0
+    """How often in a row it was no person."""
+    refusal: str = ""
+    """Why it was none, the last time."""
+    pose: Pose | None = None
+    """The last pose of a person in it."""
+    look: Look | None = None
+    """The colours with it."""
+    posed: Sight | None = None
+    """Where it was then."""
+    posed_ns: int = 0
+    """When that was."""
+    number: int = 0
+    """Who it is; 0 for nobody."""
+    confirmed: bool = False
+    """Whether that person is believed."""
+
+    @property
+    def up(self) -> Array | None:
+        """Direction from feet to head, px (2,), as far as it need not be looked for anew."""
+        return None if self.pose is None or self.looks % _FULL_EVERY == 0 else self.pose.up
+
+    def found(self, pose: Pose, look: Look, t_ns: int) -> None:
+        """A look found a person."""
+        self._looked(t_ns)
+        self.pose, self.look, self.posed, self.posed_ns = pose, look, self.sight, t_ns
+        self.refusals, self.refusal = 0, ""
+
+    def refused(self, reason: str, t_ns: int) -> None:
+        """A look found none."""
+        self._looked(t_ns)
+        self.refusals += 1
+        self.refusal = reason
+
+    def pose_now(self, t_ns: int) -> Pose | None:
+        """The pose in the present picture: found there, or moved there with the box; None without any."""
+        if self.pose is None or self.posed is None or self.posed_ns == t_ns:
+            return self.pose
+        before, now = self.posed.region.box_px, self.sight.region.box_px
+        scale = math.sqrt(now[2] * now[3] / (before[2] * before[3]))
+        scale = min(max(scale, _LEAST_SCALE), _MOST_SCALE)
+        joints = (self.pose.joints_px - _middle(before)) * scale + _middle(now)
+        return Pose(joints, self.pose.confidence, self.pose.presence)
+
+    def _looked(self, t_ns: int) -> None:
+        self.looked, self.looked_ns = self.sight, t_ns
+        self.looks += 1
+
+
+class Watch:
+    """The regions of late.
+
+    Args:
+        config: what counts as the same, as changed, as due.
+    """
+
+    def __init__(self, config: WatchConfig):
+        self.config = config
+        self.spots: list[Spot] = []
+        """Every region that is not forgotten."""
+
+    def follow(self, sights: Sequence[Sight], t_ns: int) -> list[Spot]:
+        """The spot of each sight of a picture, in their order; new ones for what was not there before."""
+        limit_ns = round(self.config.forget_s * 1e9)
+        self.spots = [spot for spot in self.spots if t_ns - spot.seen_ns <= limit_ns]
+        costs = np.array([[self._distance(spot.sight, sight) for sight in sights] for spot in self.spots])
+        found: dict[int, Spot] = {}
+        for row, column in assign(costs, 1.0):
+            spot = self.spots[row]
+            spot.sight, spot.seen_ns = sights[column], t_ns
+            found[column] = spot
+        for column, sight in enumerate(sights):
+            if column not in found:
+                found[column] = Spot(sight, t_ns)
+                self.spots.append(found[column])
+        return [found[column] for column in range(len(sights))]
+
+    def due(self, spots: Sequence[Spot], t_ns: int) -> Iterator[Spot]:
+        """Those that are to be looked at now, the most urgent first."""
+        rated = sorted(((self._urgency(spot, t_ns), -index) for index, spot in enumerate(spots)), reverse=True)
+        return (spots[-index] for urgency, index in rated if urgency >= 1.0)
+
+    def carries(self, spot: Spot, t_ns: int) -> bool:
+        """Whether a region still counts as the person that was found in it."""
+        return spot.pose is not None and t_ns - spot.posed_ns <= self.config.carry_s * 1e9
+
+    def merged(self, number: int, into: int) -> None:
+        """A person turned out to be another."""
+        for spot in self.spots:
+            if spot.number == number:
+                spot.number = into
+
+    def _distance(self, a: Sight, b: Sight) -> float:
+        """0 for the same place, 1 where the same region cannot be."""
+        if a.ned_p_m is not None and b.ned_p_m is not None:
+            return float(np.linalg.norm((a.ned_p_m - b.ned_p_m)[:2])) / self.config.same_m
+        return (1.0 - iou(a.region.box_px, b.region.box_px)) / max(1.0 - self.config.same_iou, 1e-9)
+
+    def _urgency(self, spot: Spot, t_ns: int) -> float:
+        """1 and more: due."""
+        if spot.looked is None:
+            return math.inf
+        age_s = (t_ns - spot.looked_ns) / 1e9
+        if spot.number and not spot.confirmed and not spot.refusals:
+            return 1e6 + age_s
+        person = spot.number and self.carries(spot, t_ns)
+        changed = self._changed(spot.looked, spot.sight)
+        if person:
+            return 1.0 + age_s / self.config.refresh_s if changed else age_s / self.config.refresh_s
+        wait_s = self.config.again_s * 2.0 ** (0 if changed else min(spot.refusals - 1, 10))
+        return age_s / min(wait_s, self.config.again_most_s)
+
+    def _changed(self, before: Sight, now: Sight) -> bool:
+        config, share = self.config, self.config.changed_share
+        if before.ned_p_m is None or now.ned_p_m is None:
+            return iou(before.region.box_px, now.region.box_px) < 1.0 - share
+        moved = float(np.linalg.norm((now.ned_p_m - before.ned_p_m)[:2])) > config.changed_m
+        sizes = [(r.length_m or 0.0, r.width_m or 0.0, r.height_m or 0.0) for r in (before.region, now.region)]
+        return moved or any(abs(a - b) > share * max(a, b, 0.2) for a, b in zip(*sizes, strict=True))
+
+
+def iou(a: Box, b: Box) -> float:
+    """Share of two boxes' common area, 0 to 1."""
+    width = min(a[0] + a[2], b[0] + b[2]) - max(a[0], b[0])
+    height = min(a[1] + a[3], b[1] + b[3]) - max(a[1], b[1])
+    common = max(width, 0) * max(height, 0)
+    return common / (a[2] * a[3] + b[2] * b[3] - common)
+
+
+def _middle(box: Box) -> Array:
+    return np.array([box[0] + 0.5 * box[2], box[1] + 0.5 * box[3]])
