@@ -15,7 +15,7 @@ from common.config import ConfigError, load_object
 from common.launch import run_process, run_side, set_up_logging
 from common.messages import Command
 from common.pose_options import pose_overrides
-from common.processes import load_config, process
+from common.processes import idle, load_config, process
 from common.session import BusConfig, RouterAbsent, Side, check_keys
 from common.supervisor import EXIT_CONFIG
 
@@ -33,9 +33,10 @@ def _run_side(args: argparse.Namespace) -> int:
     if getattr(args, "source", None):
         overrides.append(f"video.source={args.source}")
     # Refuse what is bad here, once, before anything starts.
-    check_keys(load_config(args.config, overrides).section(BusConfig), args.action)
+    config = load_config(args.config, overrides)
+    check_keys(config.section(BusConfig), args.action)
     arguments = ["--config", args.config, *(part for text in overrides for part in ("--set", text))]
-    without = [*args.without, "autopilot"] if external else args.without
+    without = [*args.without, *idle(args.action, config), *(["autopilot"] if external else [])]
     return run_side(args.action, arguments + (["--verbose"] if args.verbose else []), without)
 
 
@@ -57,6 +58,8 @@ def _run_do(args: argparse.Namespace) -> int:
         on=_switch(args) if switched else None,
         height_m=args.height,
         label=args.label,
+        name=args.called,
+        into=args.into,
         bearing_rad=None if args.bearing is None else math.radians(args.bearing),
         operator="command line",
     )

@@ -103,7 +103,14 @@ def _add_do(sub: argparse._SubParsersAction) -> None:
         help="select: the target's box in the picture, px; push-back: on or off",
     )
     do.add_argument("--height", type=float, metavar="M", help="takeoff: height above home, m")
-    do.add_argument("--label", default="", metavar="NAME", help="approach-select: name of the thing")
+    do.add_argument(
+        "--label",
+        default="",
+        metavar="NAME",
+        help="approach-select, rename, merge, dismiss: name of the thing or person",
+    )
+    do.add_argument("--name", dest="called", default="", metavar="NAME", help="rename: what the person is called now")
+    do.add_argument("--into", default="", metavar="NAME", help="merge: the person that the other is the same as")
     do.add_argument(
         "--bearing", type=float, metavar="DEG", help="approach-select: its direction from the nose, clockwise, degrees"
     )

@@ -29,6 +29,8 @@ class ProcessSpec:
     """One line for help texts."""
     extra: str
     """Extra of the distribution that brings its libraries."""
+    needs: str = ""
+    """`section.key` without which it has nothing to do: its side leaves it out while that is empty."""
     outlives_supervisor: bool = False
     """Whether it goes on when its supervisor is killed: helm does, the supervisor is no part of the safety chain."""
 
@@ -50,6 +52,14 @@ PROCESSES: dict[str, ProcessSpec] = {
             "onboard.proximity.node:ProximityNode",
             "nearest points of depth pictures by direction, for the limiter",
             "onboard",
+        ),
+        ProcessSpec(
+            "people",
+            "onboard",
+            "onboard.people.node:PeopleNode",
+            "finds people in the pictures of an RGB-D camera, and knows them again",
+            "onboard",
+            needs="people.camera",
         ),
         ProcessSpec(
             "helm",
@@ -93,6 +103,7 @@ SECTIONS: dict[str, str] = {
     "video": "onboard.camera.config:VideoConfig",
     "helm": "onboard.helm.config:HelmConfig",
     "proximity": "onboard.proximity.config:ProximityConfig",
+    "people": "onboard.people.pipeline_config:PeopleConfig",
     "limiter": "onboard.limiter.config:LimiterConfig",
     "approach": "onboard.approach.config:ApproachConfig",
     "tracker": "common.tracking.config:ParticleFilterConfig",
@@ -125,6 +136,17 @@ def process(name: str) -> ProcessSpec:
 def side_processes(side: Side) -> list[ProcessSpec]:
     """Processes of a side, in starting order."""
     return [p for p in PROCESSES.values() if p.side == side]
+
+
+def idle(side: Side, config: Config) -> list[str]:
+    """Names of a side's processes that have nothing to do with this configuration."""
+    tables = config.resolved()
+
+    def given(path: str) -> bool:
+        section, _, key = path.partition(".")
+        return bool(tables[section][key])
+
+    return [p.name for p in side_processes(side) if p.needs and not given(p.needs)]
 
 
 def load_config(file: str | None, overrides: Iterable[str] = ()) -> Config:

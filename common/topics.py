@@ -203,6 +203,9 @@ COMMANDS: dict[str, CommandSpec] = {
             "choose what to approach: by its name, by a direction from the nose, or the nearest ahead",
         ),
         CommandSpec("approach/do/stop", 5, "forget what was to be approached"),
+        CommandSpec("people/do/rename", 5, "call a person (--label) by a name (--name)"),
+        CommandSpec("people/do/merge", 5, "two people are one: --label is the same as --into"),
+        CommandSpec("people/do/dismiss", 5, "a person (--label) is nobody, or no longer of interest"),
         CommandSpec("pursuit/do/select", 5, "choose the target by a box in the picture"),
         CommandSpec(
             "pursuit/do/find", 5, "look for the target of the picture `pursuit.model` names, until it is found"

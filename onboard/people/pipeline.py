@@ -104,11 +104,8 @@ class PeoplePipeline:
         self.tracker = PeopleTracker(config.association)
         self.walks = Walks()
         self.watch = Watch(config.watch)
-        self._colour, self._detector, self._clock = colour, detector, clock
-        self._search = None
-        self._blind = _why_without_depth(config, colour, depth)
-        if colour is not None and depth is not None and not self._blind:
-            self._search = DepthSearch(config, colour, depth)
+        self._detector, self._clock = detector, clock
+        self.fit(colour, depth)
         self._finder = PoseFinder(network)
         self._look_ms = 0.0
         self._last_ns: int | None = None
@@ -117,6 +114,13 @@ class PeoplePipeline:
     def tracks(self) -> Sequence[Track]:
         """Everybody who was seen and not forgotten."""
         return self.tracker.tracks
+
+    def fit(self, colour: Camera | None, depth: Camera | None) -> None:
+        """Take other calibrations from now on: of pictures of another size."""
+        self._colour, self._search = colour, None
+        self._blind = _why_without_depth(self.config, colour, depth)
+        if colour is not None and depth is not None and not self._blind:
+            self._search = DepthSearch(self.config, colour, depth)
 
     def merge(self, number: int, into: int) -> None:
         """Take two people for one.

@@ -1,4 +1,4 @@
-"""Where set-up keeps BlazePose, and that it is the file that was measured."""
+"""The pose network that the configuration names; by default BlazePose, where set-up keeps it, and that it is that."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from common.config import ConfigError
+from onboard.people.pose import PoseNetwork, blazepose, read_model
 
 BLAZEPOSE_SHA256 = "e9a5c5cb17f736fafd4c2ec1da3b3d331d6edbe8a0d32395855aeb2cdfd64b9f"
 """Of `pose_landmark_full.tflite` in mediapipe 0.10.21."""
@@ -27,3 +28,12 @@ def blazepose_file() -> Path:
             f"pose model: {path} has SHA-256 {found}, expected {BLAZEPOSE_SHA256}; remove it, set up again"
         )
     return path
+
+
+def pose_network(model: str = "") -> PoseNetwork:
+    """The network of a TOML file (`onboard.people.pose.PoseModel`), or BlazePose when none is named.
+
+    Raises:
+        ConfigError: a file is missing, is another one, or cannot be read.
+    """
+    return PoseNetwork(read_model(Path(model)) if model else blazepose(blazepose_file()))
