@@ -20,7 +20,18 @@ from common import topics
 RouterSide = Literal["onboard", "ground"]
 
 IDENTITIES: dict[RouterSide, tuple[str, ...]] = {
-    "onboard": ("router-onboard", "camera", "helm", "proximity", "people", "approach", "world", "sensor", "cli"),
+    "onboard": (
+        "router-onboard",
+        "camera",
+        "helm",
+        "proximity",
+        "people",
+        "search",
+        "approach",
+        "world",
+        "sensor",
+        "cli",
+    ),
     "ground": ("pursuit", "console", "recorder", "stick", "cli"),
 }
 """Names under which processes of a machine log in to its router. `cli` is the `outrider` command; `sensor` and `stick`

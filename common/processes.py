@@ -70,6 +70,14 @@ PROCESSES: dict[str, ProcessSpec] = {
             outlives_supervisor=True,
         ),
         ProcessSpec(
+            "search",
+            "onboard",
+            "onboard.search.node:SearchNode",
+            "flies over an area line by line, so that its camera sees all of it",
+            "onboard",
+            needs="search.area",
+        ),
+        ProcessSpec(
             "approach",
             "onboard",
             "onboard.approach.node:ApproachNode",
@@ -105,6 +113,7 @@ SECTIONS: dict[str, str] = {
     "proximity": "onboard.proximity.config:ProximityConfig",
     "people": "onboard.people.pipeline_config:PeopleConfig",
     "limiter": "onboard.limiter.config:LimiterConfig",
+    "search": "onboard.search.config:SearchConfig",
     "approach": "onboard.approach.config:ApproachConfig",
     "tracker": "common.tracking.config:ParticleFilterConfig",
     "dsst": "common.tracking.dsst_config:DsstConfig",

@@ -257,6 +257,23 @@ class ApproachTarget(Message, frozen=True, kw_only=True):
     """Why no request goes out, empty when one does."""
 
 
+class SearchStatus(Message, frozen=True, kw_only=True):
+    """How far the search over an area is."""
+
+    state: Literal["idle", "searching"]
+    """`searching`: there is a way, and requests go out for it; whether helm obeys, helm says."""
+    flown: float = 0.0
+    """Share of the corners of the way that were passed, 0 to 1."""
+    way_m: tuple[Vec2, ...] = ()
+    """Corners of the way, north and east of home, m; empty when idle."""
+    next_corner: int = 0
+    """Number of the corner that it flies to, from 0."""
+    skipped: int = 0
+    """Corners that could not be reached and were left out."""
+    reason: str = ""
+    """Why there is no search: how the last one ended."""
+
+
 # ---------------------------------------------------------------- commands, with replies
 
 

@@ -181,6 +181,18 @@ def _push_back(call: Call, flight: Flight, seen: Seen, t_ns: int) -> None:
         _done(call, f"backing away at up to {fastest_m_s:g} m/s" if on else "the limiter backs away from nothing")
 
 
+def _search(call: Call, flight: Flight, seen: Seen, t_ns: int) -> None:
+    fresh = seen.search is not None and (t_ns - seen.search.received_ns) / 1e9 < flight.config.freshness_s
+    if flight.state is State.SEARCH:
+        _done(call, "already searching")
+    elif not fresh:
+        _refuse(call, "there is no search under way; begin one first with search/do/start")
+    elif flight.fire(Event.SEARCH, "search commanded", seen.telemetry, t_ns):
+        _done(call, "obeying the search")
+    else:
+        _wrong_state(call, flight, Event.SEARCH)
+
+
 _HANDLERS: Mapping[str, Callable[[Call, Flight, Seen, int], None]] = MappingProxyType(
     {
         "helm/do/arm": _arm,
@@ -193,6 +205,7 @@ _HANDLERS: Mapping[str, Callable[[Call, Flight, Seen, int], None]] = MappingProx
         "helm/do/chase": _chase,
         "helm/do/approach": _approach,
         "helm/do/push-back": _push_back,
+        "helm/do/search": _search,
     }
 )
 COMMANDS: tuple[str, ...] = tuple(_HANDLERS)

@@ -136,7 +136,7 @@ class Flight:
         if state is State.LANDING:
             self.orders.fail_all("superseded by the landing", keep=("landing",))
             self.do(Action(Kind.LAND))
-        elif state in (State.PURSUIT, State.APPROACH):
+        elif state in (State.PURSUIT, State.APPROACH, State.SEARCH):
             self._link_ns = self._target_ns = t_ns
         elif state in (State.YIELDED, State.FAILSAFE, State.DISCONNECTED, State.STANDBY):
             if state is State.STANDBY and before is State.LANDING:
@@ -267,12 +267,15 @@ class Flight:
                 self.fire(Event.HOME_REACHED, "home reached, landing", telemetry, t_ns)
         elif state is State.OPERATOR:
             self.fire(
-                Event.STICK_RELEASED, "the operator let go, hovering; `chase` or `approach` resumes", telemetry, t_ns
+                Event.STICK_RELEASED,
+                "the operator let go, hovering; `chase`, `approach` or `search` resumes",
+                telemetry,
+                t_ns,
             )
         elif state is State.PURSUIT:
             self._watch_chase(seen, t_ns)
-        elif state is State.APPROACH:
-            self._watch_approach(seen, t_ns)
+        elif state in (State.APPROACH, State.SEARCH):
+            self._watch_task(state.value, seen, t_ns)
 
     def _arbitrate(self, seen: Seen, t_ns: int) -> Verdict:
         """Operator over task; a stick at rest ends nothing that is under way."""
@@ -281,7 +284,8 @@ class Flight:
             state is State.OPERATOR or (state in _STICK_STATES and _moves(seen.operator))
         ):
             candidates.append(seen.operator)
-        task = {State.PURSUIT: seen.pursuit, State.APPROACH: seen.approach}.get(state)
+        tasks = {State.PURSUIT: seen.pursuit, State.APPROACH: seen.approach, State.SEARCH: seen.search}
+        task = tasks.get(state)
         if task is not None:
             candidates.append(task)
         attitude = seen.telemetry.attitude
@@ -309,17 +313,17 @@ class Flight:
         elif self.verdict.source == "helm":
             self.machine.reason = f"no fresh request from the chase for {without_s:.1f} s: hover"
 
-    def _watch_approach(self, seen: Seen, t_ns: int) -> None:
-        """Hover at once without a request, its target being lost; after the configured time, hold."""
-        if self.verdict.source == "approach":
+    def _watch_task(self, task: str, seen: Seen, t_ns: int) -> None:
+        """Hover at once without a request, its target being lost or its way flown; after the configured time, hold."""
+        if self.verdict.source == task:
             self._target_ns = t_ns
-            self.machine.reason = "obeying the approach"
+            self.machine.reason = f"obeying the {task}"
             return
         without_s = (t_ns - self._target_ns) / 1e9
         if without_s > self.config.containment.chase_without_target_s:
-            self.fire(Event.TARGET_AWAY, f"nothing to approach for {without_s:.0f} s: hold", seen.telemetry, t_ns)
+            self.fire(Event.TARGET_AWAY, f"nothing from the {task} for {without_s:.0f} s: hold", seen.telemetry, t_ns)
         else:
-            self.machine.reason = f"no fresh request from the approach for {without_s:.1f} s: hover"
+            self.machine.reason = f"no fresh request from the {task} for {without_s:.1f} s: hover"
 
     def _due(self, t_ns: int) -> bool:
         """A setpoint is due for each new request (50 Hz at most), 90 ms after it when no other has come, and at 25 Hz

@@ -37,7 +37,7 @@ from onboard.limiter.map import NOTHING_KNOWN, ObstacleMap
 from onboard.limiter.status import limiter_status
 from onboard.limiter.surroundings import Surroundings
 
-_SOURCES = ("operator", "pursuit", "approach")
+_SOURCES = ("operator", "pursuit", "approach", "search")
 _REQUESTS = tuple(f"helm/request/{source}" for source in _SOURCES)
 _OBSTACLES = ("obstacles/depth", "obstacles/people", "obstacles/circles")
 _STATUS_PERIOD_S = 0.2
@@ -151,6 +151,7 @@ class HelmNode(Node):
             operator=_candidate(inputs, "operator"),
             pursuit=_candidate(inputs, "pursuit"),
             approach=_candidate(inputs, "approach"),
+            search=_candidate(inputs, "search"),
             around=self._around(inputs, t_ns),
             track=None
             if track is None

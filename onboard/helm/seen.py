@@ -36,6 +36,8 @@ class Seen:
     """Newest request of the chase."""
     approach: Candidate | None = None
     """Newest request of the approach."""
+    search: Candidate | None = None
+    """Newest request of the search."""
     around: Surroundings | None = NOTHING_KNOWN
     """Obstacles and sight; None where the vehicle must stand still."""
     track: TrackView | None = None

@@ -25,6 +25,8 @@ class State(StrEnum):
     """Obeying the chase."""
     APPROACH = "approach"
     """Obeying the approach to a person or an obstacle."""
+    SEARCH = "search"
+    """Obeying the search over an area."""
     OPERATOR = "operator"
     """Obeying the operator's stick."""
     RETURNING = "returning"
@@ -55,6 +57,7 @@ class Event(StrEnum):
     HOLD = "hold"
     CHASE = "chase"
     APPROACH = "approach"
+    SEARCH = "search"
     STICK = "operator moves the stick"
     STICK_RELEASED = "operator lets go"
     RETURN = "return"
@@ -72,7 +75,7 @@ class Event(StrEnum):
 
 _S, _E = State, Event
 
-_IN_CONTROL = (_S.HOLD, _S.PURSUIT, _S.APPROACH, _S.OPERATOR, _S.RETURNING)
+_IN_CONTROL = (_S.HOLD, _S.PURSUIT, _S.APPROACH, _S.SEARCH, _S.OPERATOR, _S.RETURNING)
 """States in which helm's setpoints fly the vehicle."""
 
 
@@ -90,10 +93,15 @@ def _table() -> dict[tuple[State, Event], State]:
         (_S.ENGAGING, _E.ENGAGE_FAILED): _S.YIELDED,
         (_S.HOLD, _E.CHASE): _S.PURSUIT,
         (_S.HOLD, _E.APPROACH): _S.APPROACH,
+        (_S.HOLD, _E.SEARCH): _S.SEARCH,
         (_S.HOLD, _E.STICK): _S.OPERATOR,
         (_S.PURSUIT, _E.STICK): _S.OPERATOR,
         (_S.APPROACH, _E.STICK): _S.OPERATOR,
         (_S.APPROACH, _E.TARGET_AWAY): _S.HOLD,
+        (_S.APPROACH, _E.SEARCH): _S.SEARCH,
+        (_S.SEARCH, _E.STICK): _S.OPERATOR,
+        (_S.SEARCH, _E.TARGET_AWAY): _S.HOLD,
+        (_S.SEARCH, _E.APPROACH): _S.APPROACH,
         (_S.PURSUIT, _E.TARGET_AWAY): _S.HOLD,
         (_S.PURSUIT, _E.LINK_LOST_RETURN): _S.RETURNING,
         (_S.PURSUIT, _E.LINK_LOST_LAND): _S.LANDING,
@@ -101,6 +109,7 @@ def _table() -> dict[tuple[State, Event], State]:
         (_S.OPERATOR, _E.STICK_RELEASED): _S.HOLD,
         (_S.OPERATOR, _E.CHASE): _S.PURSUIT,
         (_S.OPERATOR, _E.APPROACH): _S.APPROACH,
+        (_S.OPERATOR, _E.SEARCH): _S.SEARCH,
         (_S.RETURNING, _E.HOME_REACHED): _S.LANDING,
         (_S.RETURNING, _E.STICK): _S.OPERATOR,
         (_S.LANDING, _E.HOLD): _S.ENGAGING,

@@ -213,6 +213,7 @@ class Desk:
         self.pursuit: Request | None = None
         self.operator: Request | None = None
         self.approach: Request | None = None
+        self.search: Request | None = None
         self.tracking: str | None = None
         self.obstacles: list[Obstacle] | None = None
         self.setpoints: list[Setpoint] = []
@@ -241,6 +242,8 @@ class Desk:
             self.feed("helm/request/operator", self.operator)
         if self.approach is not None:
             self.feed("helm/request/approach", self.approach)
+        if self.search is not None:
+            self.feed("helm/request/search", self.search)
         if self.tracking is not None:
             self.feed("pursuit/track", Track(state="tracking" if self.tracking == "tracking" else "lost"))
         if self.obstacles is not None:

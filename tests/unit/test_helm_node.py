@@ -202,7 +202,29 @@ def test_an_approach_is_obeyed_until_its_target_is_away_for_long():
     assert (desk.state, desk.setpoints[-1].source) == ("approach", "helm"), "without a request: hover"
     assert "no fresh request from the approach" in desk.node.flight.machine.reason
     assert desk.go(5.0, until="hold")
-    assert "nothing to approach" in desk.node.flight.machine.reason
+    assert "nothing from the approach for 4 s: hold" in desk.node.flight.machine.reason
+
+
+def test_a_search_is_obeyed_and_gives_way_to_an_approach():
+    desk = Desk(containment={"chase_without_target_s": 4.0}).fly()
+    refused = desk.call("search")
+    assert refused.answer and "begin one first with search/do/start" in refused.answer.reason
+    desk.search = Request(frame="ned", vector=(0.0, 0.8, 0.0))
+    desk.approach = Request(frame="ned", vector=(0.8, 0.0, 0.0))
+    desk.go(0.2)
+    done = desk.call("search")
+    assert done.answer and done.answer.outcome == "done"
+    desk.go(1.0)
+    assert (desk.state, desk.setpoints[-1].source) == ("search", "search")
+    desk.call("approach")
+    desk.go(1.0)
+    assert (desk.state, desk.setpoints[-1].source) == ("approach", "approach")
+    desk.call("search")
+    desk.go(0.5)
+    assert desk.state == "search"
+    desk.search = None
+    assert desk.go(5.0, until="hold")
+    assert "nothing from the search for 4 s: hold" in desk.node.flight.machine.reason
 
 
 def test_the_stick_ends_an_approach_and_only_its_command_resumes_it():

@@ -1,0 +1,1 @@
+"""Flying over an area line by line, to look for people there."""
