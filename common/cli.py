@@ -8,7 +8,7 @@ import math
 import sys
 from collections.abc import Sequence
 
-from common import evaluate_command, stick_command, topics, track_command
+from common import evaluate_command, people_command, stick_command, topics, track_command
 from common.bus import Bus
 from common.cli_parser import make_parser
 from common.config import ConfigError, load_object
@@ -153,6 +153,7 @@ _ACTIONS = {
     "doctor": _run_doctor,
     "evaluate": evaluate_command.run,
     "track": lambda args: track_command.run(args, load_config(args.config, args.overrides)),
+    "people": lambda args: people_command.run(args, load_config(args.config, args.overrides)),
     "demo": _run_demo,
     "console-password": _run_console_password,
     "conformance": _run_conformance,

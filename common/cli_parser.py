@@ -6,7 +6,7 @@ import argparse
 import contextlib
 import math
 
-from common import __version__, evaluate_command, stick_command, topics, track_command
+from common import __version__, evaluate_command, people_command, stick_command, topics, track_command
 from common.keys_options import add_keys
 from common.pose_options import add_pose
 from common.processes import PROCESSES, side_processes
@@ -73,6 +73,7 @@ def make_parser() -> argparse.ArgumentParser:
     _add_doctor(sub)
     _add_config(track_command.add(sub), default=None)
     evaluate_command.add(sub)
+    _add_config(people_command.add(sub), default=None)
     _add_demo(sub)
     password = sub.add_parser(
         "console-password",

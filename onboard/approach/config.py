@@ -20,6 +20,9 @@ class ApproachConfig(Section, frozen=True, kw_only=True):
     """Speed asked per metre to go, 1/s. Steep: the limiter's curve does the gentle part."""
     hold_band_m: NonNegative = 0.1
     """Within this of the distance nothing is asked, m."""
+    sink_m_s: NonNegative = 0.0
+    """Greatest speed down towards what lies below, m/s; 0: the vehicle keeps its height. It sinks only above the thing,
+    in a cone of 45 degrees, where a camera that looks down still sees it, and never climbs."""
     yaw_gain_1_s: Positive = 1.2
     """Heading rate per radian between nose and thing, 1/s."""
     yaw_rate_rad_s: Positive = 0.6
@@ -36,6 +39,9 @@ class ApproachConfig(Section, frozen=True, kw_only=True):
     """By how much the gate grows while it is not seen, m/s, up to twice its size."""
     spread_m: NonNegative = 0.5
     """Points within this of that one belong to the same thing, m; the vehicle closes in to the nearest of them."""
+    seek_m: Positive = 1.5
+    """A person who is out of sight is flown to where they were last seen, to within this beside it or the distance to
+    hold, m; whoever is not seen from there is lost."""
     lost_after_s: Positive = 0.5
     """Not seen for so long it counts as lost, s: no request, so that the vehicle hovers."""
     forget_after_s: Positive = 3.0

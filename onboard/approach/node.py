@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
 import numpy as np
@@ -9,16 +10,16 @@ import numpy as np
 from common.config import Config
 from common.geometry.rotation import Array, as_vec3, euler_from_quat
 from common.header import Received
-from common.messages import ApproachTarget, Obstacles, Reply, VehicleState
+from common.messages import ApproachTarget, Command, Obstacles, People, Reply, VehicleState
 from common.node import CommandCall, Inputs, Node, On, Output
 from common.topics import topic
 from onboard.approach.config import ApproachConfig
 from onboard.approach.law import closing
-from onboard.approach.target import SelectError, Sighting, Target, choose, follow, sightings
+from onboard.approach.target import SelectError, Sighting, Target, choose, follow, remembered, sightings
 from onboard.limiter.config import LimiterConfig
 
 _SOURCES = ("obstacles/people", "obstacles/circles", "obstacles/depth")
-_STATE = "helm/state"
+_STATE, _ROLL = "helm/state", "people/tracks"
 _STATE_MAX_AGE_NS = 200_000_000
 _REQUEST_PERIOD_NS = 45_000_000
 _TARGET_PERIOD_NS = 95_000_000
@@ -32,7 +33,7 @@ class ApproachNode(Node):
         name: node name.
     """
 
-    inputs = (*_SOURCES, _STATE)
+    inputs = (*_SOURCES, _STATE, _ROLL)
     outputs = ("helm/request/approach", "approach/target")
     commands = ("approach/do/select", "approach/do/stop")
     trigger = On(_SOURCES, at_least_every_s=0.05)
@@ -45,6 +46,8 @@ class ApproachNode(Node):
         self._state: Received[VehicleState] | None = None
         self._seen: dict[str, tuple[int, list[Sighting]]] = {}
         """Capture stamp and points of each source's newest measurement."""
+        self._remembered: list[Sighting] = []
+        """People at the places where they were last seen."""
         self._asked_ns = 0
         self._told_ns = 0
         self._answers: list[tuple[CommandCall, Reply]] = []
@@ -82,7 +85,7 @@ class ApproachNode(Node):
             return ()
         place = self._place(state, t_ns)
         try:
-            target = choose(self._present(t_ns), call.command, place, self._yaw_rad, t_ns, self._config)
+            target = choose(self._known(call.command, t_ns), call.command, place, self._yaw_rad, t_ns, self._config)
         except SelectError as error:
             call.reply(Reply(outcome="refused", reason=str(error)))
             return ()
@@ -110,6 +113,9 @@ class ApproachNode(Node):
         """Take over states and measurements; follow the target through each that is new."""
         states = inputs.drain(_STATE, VehicleState)
         self._state = states[-1] if states else self._state
+        roll = inputs.latest(_ROLL, People)
+        if roll is not None:
+            self._remembered = remembered(roll.message)
         if self._state is None:
             return
         for name in _SOURCES:
@@ -132,6 +138,22 @@ class ApproachNode(Node):
             for point in points
         ]
 
+    def _known(self, command: Command, t_ns: int) -> list[Sighting]:
+        """What a command may mean: what is seen now; by name or place also who was seen before."""
+        present = self._present(t_ns)
+        if not command.label and command.ned_p_m is None:
+            return present
+        labels = {sighting.label for sighting in present}
+        return present + [sighting for sighting in self._remembered if sighting.label not in labels]
+
+    def _on_the_way(self, target: Target, t_ns: int) -> bool:
+        """Whether a person out of sight may be seen again once the vehicle is there."""
+        if self._state is None or target.label not in {sighting.label for sighting in self._remembered}:
+            return False
+        north, east, down = target.at(t_ns) - self._place(self._state, t_ns)
+        to_go_m = math.hypot(north, east, down) - self._goal_m
+        return math.hypot(north, east) > self._config.seek_m and to_go_m > 2.0 * self._config.hold_band_m
+
     def _reason(self, t_ns: int) -> str:
         """Why nothing is asked for, empty when something is."""
         if self._target is None:
@@ -139,6 +161,8 @@ class ApproachNode(Node):
         if self._state is None or t_ns - self._state.received_ns > _STATE_MAX_AGE_NS:
             return "no vehicle state"
         since_s = (t_ns - self._target.seen_ns) / 1e9
+        if since_s > self._config.lost_after_s and self._on_the_way(self._target, t_ns):
+            return ""
         if since_s > self._config.forget_after_s and not self._target.label:
             return f"lost for {since_s:.0f} s: select it again"
         return f"not seen for {since_s:.1f} s" if since_s > self._config.lost_after_s else ""

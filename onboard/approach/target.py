@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from common.geometry.rotation import Array, wrap_angle
-from common.messages import Command, Obstacle
+from common.messages import Command, Obstacle, People
 from onboard.approach.config import ApproachConfig
 
 _DIRECTION_RAD = math.radians(15.0)
@@ -58,6 +58,15 @@ def sightings(obstacles: Sequence[Obstacle], ned_p_vehicle_m: Array) -> list[Sig
     return [
         Sighting(ned_p_vehicle_m + o.distance_m * np.asarray(o.ned_direction), np.asarray(o.ned_v_m_s), o.label)
         for o in obstacles
+    ]
+
+
+def remembered(people: People) -> list[Sighting]:
+    """People who are believed, as standing points where they were last seen."""
+    return [
+        Sighting(np.asarray(person.ned_p_m), np.zeros(3), person.label)
+        for person in people.people
+        if person.ned_p_m is not None and person.state in ("seen", "away")
     ]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import time
 from collections import Counter
 from collections.abc import Iterable, Iterator
 
@@ -84,7 +85,7 @@ class PeopleNode(Node):
         detector = None if self._config.detector is None else PersonDetector(self._config.detector)
         depth = None if self._depth is None else self._depth.camera
         network = network or pose_network(self._config.pose_model)
-        self._pipeline = PeoplePipeline(self._config, self._colour, depth, network, detector)
+        self._pipeline = PeoplePipeline(self._config, self._colour, depth, network, detector, time.perf_counter)
         self._sizes = (
             (self._colour.width, self._colour.height),
             None if depth is None else (depth.width, depth.height),

@@ -8,7 +8,6 @@ findings = people.look(Frame(picture, capture_ns, depth_m, depth_ns, vehicle))
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -88,7 +87,7 @@ class PeoplePipeline:
         depth: calibration of its depth camera; None without one.
         network: finds joints in an upright crop.
         detector: regions where depth gives none.
-        clock: seconds, for the budget of the poses.
+        clock: seconds, for the budget of the poses and the stages' times; without one no time passes for them.
     """
 
     def __init__(
@@ -98,13 +97,13 @@ class PeoplePipeline:
         depth: Camera | None,
         network: PoseNetwork,
         detector: PersonDetector | None = None,
-        clock: Callable[[], float] = time.perf_counter,
+        clock: Callable[[], float] | None = None,
     ):
         self.config = config
         self.tracker = PeopleTracker(config.association)
         self.walks = Walks()
         self.watch = Watch(config.watch)
-        self._detector, self._clock = detector, clock
+        self._detector, self._clock = detector, clock or _standstill
         self.fit(colour, depth)
         self._finder = PoseFinder(network)
         self._look_ms = 0.0
@@ -230,6 +229,10 @@ class PeoplePipeline:
             if not tracks[number].dismissed:
                 found.append(Found(number, spot.sight, pose, spot.posed_ns == t_ns))
         return tuple(found)
+
+
+def _standstill() -> float:
+    return 0.0
 
 
 def _why_without_depth(config: PeopleConfig, colour: Camera | None, depth: Camera | None) -> str:

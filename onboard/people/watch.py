@@ -161,8 +161,8 @@ class Watch:
         return moved or any(abs(a - b) > share * max(a, b, 0.2) for a, b in zip(*sizes, strict=True))
 
 
-def iou(a: Box, b: Box) -> float:
-    """Share of two boxes' common area, 0 to 1."""
+def iou(a: Sequence[float], b: Sequence[float]) -> float:
+    """Share of the area of two boxes (x, y, width, height) that both have, 0 to 1."""
     width = min(a[0] + a[2], b[0] + b[2]) - max(a[0], b[0])
     height = min(a[1] + a[3], b[1] + b[3]) - max(a[1], b[1])
     common = max(width, 0) * max(height, 0)

@@ -25,9 +25,11 @@ from simulation.demo.approach import ApproachMission
 from simulation.demo.mission import ChaseMission
 from simulation.demo.operator import MissionFailed
 from simulation.demo.report import Criteria
+from simulation.demo.rescue import RescueMission
 
 log = logging.getLogger(__name__)
 
+Mission = ChaseMission | ApproachMission | RescueMission
 _SIDES = ("sim", "onboard", "ground")
 _GRACE_S = 4.0
 _PR_SET_PDEATHSIG = 1
@@ -94,7 +96,7 @@ class Show:
 
     vehicle: str
     """Vehicle file."""
-    mission: Callable[[Bus, threading.Event, argparse.Namespace], ChaseMission | ApproachMission]
+    mission: Callable[[Bus, threading.Event, argparse.Namespace], Mission]
     """Makes the mission from a session, the order to stop and the command line."""
 
 
@@ -103,7 +105,12 @@ def _approach(bus: Bus, stop: threading.Event, args: argparse.Namespace) -> Appr
 
 
 _CHASE = Show("kite", lambda bus, stop, args: ChaseMission(bus, stop, args.duration))
-_SHOWS: Mapping[str, Show] = MappingProxyType({"approach": Show("heron", _approach)})
+_SHOWS: Mapping[str, Show] = MappingProxyType(
+    {
+        "approach": Show("heron", _approach),
+        "rescue": Show("osprey", lambda bus, stop, args: RescueMission(bus, stop, args.headless)),
+    }
+)
 """Scenarios that are no chase, by the name of their file."""
 
 
@@ -170,12 +177,12 @@ def _watch(sides: Sides, stop: threading.Event) -> None:
             stop.set()
 
 
-def _judge(mission: ChaseMission | ApproachMission, args: argparse.Namespace) -> int:
+def _judge(mission: Mission, args: argparse.Namespace) -> int:
     criteria = Criteria()
     figures, faults = mission.judge(criteria)
     figures = figures | {"world_late_fraction": mission.late_fraction}
     too_slow = mission.late_fraction > criteria.late_fraction
-    to_its_end = args.duration is not None or (args.headless and isinstance(mission, ApproachMission))
+    to_its_end = args.duration is not None or (args.headless and not isinstance(mission, ChaseMission))
     if to_its_end and not mission.completed:
         faults.append("ended before the mission was over")
     held, not_held = mission.goal

@@ -8,7 +8,17 @@ import numpy as np
 import pytest
 
 from common.config import Config, ConfigError, build
-from common.messages import ApproachTarget, Command, Obstacle, Obstacles, Request, Vec3, VehicleState
+from common.messages import (
+    ApproachTarget,
+    Command,
+    Obstacle,
+    Obstacles,
+    People,
+    Person,
+    Request,
+    Vec3,
+    VehicleState,
+)
 from common.node import ScriptedRun
 from onboard.approach.config import ApproachConfig
 from onboard.approach.law import closing
@@ -84,6 +94,20 @@ def test_a_thing_that_is_not_seen_stays_as_it_was_and_another_one_does_not_take_
     assert follow(named, [sighting(4.0, 0.1, label="person 2")], HERE, S // 10, CONFIG) is named
     found = follow(named, [sighting(8.0, 3.0, label="person 1")], HERE, 20 * S, CONFIG)
     assert found.seen_ns == 20 * S, "a name is recognised wherever it is"
+
+
+def test_it_sinks_above_what_lies_below_and_never_climbs() -> None:
+    config = ApproachConfig(sink_m_s=0.5)
+    high = np.array([0.0, 0.0, -5.0])
+
+    def down(north: float, height_m: float, config: ApproachConfig = config) -> float:
+        return closing(np.array([north, 0.0, 0.0]), np.array([0.0, 0.0, -height_m]), 0.0, 2.5, config).vector[2]
+
+    assert down(4.0, 5.0) == 0.5 and down(6.0, 5.0) == 0.0, "in a cone of 45 degrees"
+    assert down(0.1, 5.0) == 0.5 and down(0.1, 2.65) == pytest.approx(0.3, abs=0.02), "slower as it arrives"
+    assert down(0.1, 2.5) == 0.0 and down(0.1, 1.0) == 0.0, "there, and nearer"
+    assert down(0.0, 5.0, CONFIG) == 0.0, "it keeps its height unless told to"
+    assert closing(np.array([3.0, 0.0, -9.0]), high, 0.0, 2.5, config).vector[2] == 0.0, "above: no climb"
 
 
 def test_the_way_faces_first_then_closes_in_then_holds() -> None:
@@ -202,3 +226,28 @@ def test_node_closes_in_to_the_distance_facing_the_thing_and_hovers_when_it_is_l
     rig.barrel = np.array([-6.0, 0.0, -2.0])
     rig.go(0.2)
     assert rig.call("select", Command()).startswith("refused: nothing is seen ahead")
+
+
+def test_node_flies_to_where_a_person_was_last_seen_and_loses_who_is_not_there() -> None:
+    rig = Rig()
+    rig.sees = False
+    person = Person(
+        number=3, name="Anna", state="away", ned_p_m=(5.0, 2.0, -1.9), first_seen_ns=0, last_seen_ns=0, pictures=9
+    )
+    gone = Person(
+        number=4, name="x", state="dismissed", ned_p_m=(1.0, 0.0, 0.0), first_seen_ns=0, last_seen_ns=0, pictures=9
+    )
+
+    def fly(seconds: float) -> None:
+        for _ in range(round(2 * seconds)):
+            rig.run.feed("people/tracks", People(people=(person, gone)), rig.t_ns)
+            rig.go(0.5)
+
+    fly(0.5)
+    assert rig.call("select", Command(label="person 4")).startswith("refused")
+    assert rig.call("select", Command(label="person 3")).startswith("done: person 3 at 5.4 m")
+    fly(3.0)
+    assert rig.told is not None and rig.told.state == "tracking"
+    fly(7.0)
+    assert np.hypot(*(rig.p - (5.0, 2.0, -1.9))[:2]) == pytest.approx(1.7, abs=0.15)
+    assert rig.told.state == "lost" and "not seen for" in rig.told.reason

@@ -192,8 +192,8 @@ def test_a_vehicle_without_such_a_camera_is_refused_and_one_that_names_none_rest
         PeopleNode(load_config(None, ["people.camera=front"]), "people", Knower().network)
     node = PeopleNode(load_config(None), "people")
     assert node.inputs == () and ScriptedRun(node).step(SECOND) == []
-    assert idle("onboard", load_config(None)) == ["people"]
-    assert "people" not in idle("onboard", load_config(None, SETTINGS))
+    assert idle("onboard", load_config(None)) == ["people", "search"]
+    assert idle("onboard", load_config(None, SETTINGS)) == ["search"]
 
 
 def _received(capture_ns: int, received_ns: int) -> Received[Image]:

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from common.config import ConfigError, build, deploy_dir
+from common.processes import load_config
+from onboard.search.config import SearchConfig
 from simulation.world.objects_config import rgb
 from simulation.world.path import car_path
 from simulation.world.path_config import PathConfig
@@ -15,7 +17,7 @@ SHIPPED = sorted(path.stem for path in (deploy_dir() / "scenarios").glob("*.toml
 
 
 def test_the_scenarios_are_shipped() -> None:
-    assert {"chase", "calm", "rough", "approach"} <= set(SHIPPED)
+    assert {"chase", "calm", "rough", "approach", "rescue"} <= set(SHIPPED)
 
 
 def test_approach_has_something_of_each_kind_that_a_vehicle_can_fly_at() -> None:
@@ -29,7 +31,17 @@ def test_approach_has_something_of_each_kind_that_a_vehicle_can_fly_at() -> None
     assert scenario.depth.noise_per_m > 0 and scenario.depth.flying > 0
 
 
-@pytest.mark.parametrize("name", [name for name in SHIPPED if name != "approach"])
+def test_rescue_has_people_inside_the_area_that_its_vehicle_searches() -> None:
+    scenario = load_scenario("rescue")
+    area = np.array(load_config("osprey").section(SearchConfig).area)
+    assert len(scenario.people) >= 5 and len(scenario.barrels) >= 2
+    for person in scenario.people:
+        places = car_path(person).at(np.arange(0.0, 60.0, 0.5)).ned_p_m
+        assert (places > area.min(axis=0)).all() and (places < area.max(axis=0)).all()
+        assert np.hypot(*places.T).min() > 1.0, "not on the landing pad"
+
+
+@pytest.mark.parametrize("name", [name for name in SHIPPED if name not in ("approach", "rescue")])
 def test_shipped_scenario_keeps_its_car_slow_and_near(name: str) -> None:
     scenario = load_scenario(name)
     path = car_path(scenario.car)

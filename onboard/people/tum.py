@@ -1,0 +1,147 @@
+"""RGB-D pictures in the layout of TUM's benchmark: `rgb.txt` and `depth.txt` with times and files.
+
+Sturm et al. 2012, A Benchmark for the Evaluation of RGB-D SLAM Systems; depth is 16-bit PNG, 5000 units to the metre.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from common.config import ConfigError
+from onboard.people.depth import Floats
+from onboard.people.pose import Picture
+
+COLOURS, DEPTHS, PAIRS = "rgb.txt", "depth.txt", "associations.txt"
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """One picture of a recording."""
+
+    number: int
+    """From 0."""
+    t_ns: int
+    """Its time, ns."""
+    colour: Picture | None
+    """(H, W, 3) BGR; None when it cannot be decoded."""
+    depth_m: Floats | None = None
+    """(H, W), m, 0 where nothing returned; None without."""
+    depth_ns: int | None = None
+    """When that was taken, ns."""
+
+
+@dataclass(frozen=True)
+class _Entry:
+    t_s: float
+    colour: Path
+    depth_s: float | None
+    depth: Path | None
+
+
+class TumSequence:
+    """Reads such a folder in the order of its times.
+
+    Args:
+        folder: with `rgb.txt`; `depth.txt` beside it, or `associations.txt` with both.
+        depth_scale: depth units in a metre.
+
+    Raises:
+        ConfigError: a list is missing or malformed, names no picture, or a picture is not there.
+    """
+
+    def __init__(self, folder: str | Path, depth_scale: float):
+        self._folder, self._scale = Path(folder), depth_scale
+        self._entries = self._read()
+        missing = [e.colour for e in self._entries if not e.colour.is_file()]
+        missing += [e.depth for e in self._entries if e.depth is not None and not e.depth.is_file()]
+        if missing:
+            raise ConfigError(
+                f"people: {missing[0]} is listed in {folder}, but {len(missing)} such files are not there"
+            )
+        first = cv2.imread(str(self._entries[0].colour), cv2.IMREAD_COLOR)
+        if first is None:
+            raise ConfigError(f"people: {self._entries[0].colour} cannot be decoded; expected a picture")
+        self.height, self.width = first.shape[:2]
+        span_s = self._entries[-1].t_s - self._entries[0].t_s
+        self.rate_hz = (len(self._entries) - 1) / span_s if span_s > 0 else None
+        """Pictures a second on average; None for a single one."""
+        self.count = len(self._entries)
+        """Number of pictures."""
+        self.with_depth = any(entry.depth is not None for entry in self._entries)
+        """Whether any picture has depth."""
+
+    def frames(self) -> Iterator[Recorded]:
+        """Every picture with the depth nearest in time."""
+        start_s = self._entries[0].t_s
+        for number, entry in enumerate(self._entries):
+            colour = cv2.imread(str(entry.colour), cv2.IMREAD_COLOR)
+            depth = None if entry.depth is None else self._depth(entry.depth)
+            depth_ns = None if entry.depth_s is None else round((entry.depth_s - start_s) * 1e9)
+            pixels = None if colour is None else np.asarray(colour, np.uint8)
+            yield Recorded(number, round((entry.t_s - start_s) * 1e9), pixels, depth, depth_ns)
+
+    def _depth(self, path: Path) -> Floats:
+        raw = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        if raw is None or raw.ndim != 2 or raw.dtype != np.uint16:
+            got = "no picture" if raw is None else f"{raw.dtype} of shape {raw.shape}"
+            raise ConfigError(f"people: {path}: got {got}, expected a 16-bit picture of one channel")
+        return raw.astype(np.float32) / np.float32(self._scale)
+
+    def _read(self) -> list[_Entry]:
+        pairs = self._folder / PAIRS
+        if pairs.is_file():
+            rows = _rows(pairs, 4)
+            found = [_Entry(float(t), self._folder / c, float(td), self._folder / d) for t, c, td, d in rows]
+        else:
+            colours = sorted((float(t), self._folder / name) for t, name in _rows(self._folder / COLOURS, 2))
+            listed = self._folder / DEPTHS
+            depths = sorted((float(t), self._folder / name) for t, name in _rows(listed, 2)) if listed.is_file() else []
+            found = [_Entry(t, path, *_nearest(t, depths)) for t, path in colours]
+        if not found:
+            raise ConfigError(f"people: {self._folder} lists no picture; expected lines of a time and a file")
+        return sorted(found, key=lambda entry: entry.t_s)
+
+
+def is_tum(source: str) -> bool:
+    """Whether a source is a folder in this layout."""
+    return (Path(source) / COLOURS).is_file() or (Path(source) / PAIRS).is_file()
+
+
+def _nearest(t_s: float, depths: list[tuple[float, Path]]) -> tuple[float | None, Path | None]:
+    """The depth nearest in time, however far: whether it belongs to the picture is judged by who uses it."""
+    if not depths:
+        return None, None
+    index = bisect_left(depths, (t_s, Path()))
+    return min(depths[max(index - 1, 0) : index + 1], key=lambda depth: abs(depth[0] - t_s))
+
+
+def _rows(path: Path, columns: int) -> list[list[str]]:
+    """Words of each line that is no comment, the first of which (and the third) are times, s."""
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"people: {path} cannot be read ({error})") from None
+    rows = []
+    for number, line in enumerate(lines, 1):
+        words = line.split()
+        if not words or words[0].startswith("#"):
+            continue
+        if len(words) != columns or not all(_is_time(word) for word in words[::2]):
+            expected = "time file" if columns == 2 else "time file time file"
+            raise ConfigError(f"people: {path}, line {number}: got {line.strip()!r}, expected `{expected}`")
+        rows.append(words)
+    return rows
+
+
+def _is_time(word: str) -> bool:
+    try:
+        return math.isfinite(float(word))
+    except ValueError:
+        return False

@@ -1,0 +1,174 @@
+"""`outrider people`: recordings in TUM's layout, videos without depth, CAVIAR's annotations, the CSV."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from benchmarks.people_scene import DepthScene, barrel, person
+from common.cli_parser import make_parser
+from common.config import ConfigError
+from common.people_command import run as run_command
+from common.processes import load_config
+from onboard.people import recorded
+from onboard.people.caviar import read
+from onboard.people.tum import TumSequence, is_tum
+from tests.unit.onnx_file import write_red_detector
+from tests.unit.people_rig import DOWN, Knower, paint
+
+INTRINSICS = "365,365,255.5,211.5"
+PICTURES = 5
+SCENE = DepthScene((person("lying", -1.2, 0.5, 0.4), barrel(0.6, 1.2)), 4.0, camera=DOWN)
+
+
+@pytest.fixture(scope="module")
+def painted() -> tuple[np.ndarray, np.ndarray]:
+    return paint(SCENE)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, painted: tuple[np.ndarray, np.ndarray]) -> Path:
+    """Five pictures, 10 a second; depth 8 ms later, but for the last one, which has none of its time."""
+    (tmp_path / "rgb").mkdir()
+    (tmp_path / "depth").mkdir()
+    colours, depths = ["# time file"], ["# time file"]
+    for number in range(PICTURES):
+        t_s = 1311868164.25 + 0.1 * number
+        cv2.imwrite(str(tmp_path / f"rgb/{number}.png"), painted[0])
+        colours.append(f"{t_s:.6f} rgb/{number}.png")
+        if number < PICTURES - 1:
+            scaled = np.round(painted[1] * 5000.0).astype(np.uint16)
+            cv2.imwrite(str(tmp_path / f"depth/{number}.png"), scaled)
+            depths.append(f"{t_s + 0.008:.6f} depth/{number}.png")
+    (tmp_path / "rgb.txt").write_text("\n".join(colours))
+    (tmp_path / "depth.txt").write_text("\n".join(depths))
+    return tmp_path
+
+
+def people(*words: str, sets: tuple[str, ...] = (), monkeypatch: pytest.MonkeyPatch) -> int:
+    """Run the command line, with a network that knows whom it sees."""
+    args = make_parser().parse_args(["people", *words])
+    monkeypatch.setattr(recorded, "pose_network", lambda model: Knower().network)
+    return run_command(args, load_config(None, sets))
+
+
+def rows(path: Path) -> list[list[float]]:
+    with path.open() as file:
+        return [[float(cell) for cell in row] for row in csv.reader(file)]
+
+
+def test_a_recording_becomes_the_challenges_csv_and_a_video(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    out, film = tmp_path / "tracks.csv", tmp_path / "out.mp4"
+    words = (str(folder), "--intrinsics", INTRINSICS, "--out", str(out), "--video", str(film))
+    assert people(*words, monkeypatch=monkeypatch) == 0
+    found = rows(out)
+    assert [row[0] for row in found] == [1, 2, 3, 4], "from 1; the last picture has no depth of its time"
+    assert {row[1] for row in found} == {1} and all(len(row) == 10 for row in found)
+    for row in found:
+        x, y, width, height = row[2:6]
+        assert (painted_red := _red_box())[0] == pytest.approx(x, abs=8) and painted_red[1] == pytest.approx(y, abs=8)
+        assert width == pytest.approx(painted_red[2], abs=14) and height == pytest.approx(painted_red[3], abs=14)
+        assert row[7] == pytest.approx(-1.15, abs=0.25) and row[8] == pytest.approx(-0.5, abs=0.25)
+        assert 3.5 < row[9] < 4.0, "metres, not millimetres or units"
+    said = capsys.readouterr().err
+    assert "5 pictures: 1 people in 4 boxes" in said and "92 ms apart, expected 20 ms or less" in said
+    video = cv2.VideoCapture(str(film))
+    assert int(video.get(cv2.CAP_PROP_FRAME_COUNT)) == PICTURES
+    assert video.get(cv2.CAP_PROP_FPS) == pytest.approx(10.0, abs=0.1)
+
+
+def _red_box() -> tuple[int, int, int, int]:
+    colour, _ = paint(SCENE)
+    ys, xs = np.nonzero(colour[..., 2] == 200)
+    return int(xs.min()), int(ys.min()), int(np.ptp(xs)) + 1, int(np.ptp(ys)) + 1
+
+
+def test_annotations_are_compared(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys):
+    x, y, width, height = _red_box()
+    box = f'<box xc="{x + width / 2}" yc="{y + height / 2}" w="{width}" h="{height}"/>'
+    frames = "".join(
+        f'<frame number="{n}"><objectlist><object id="7">{box}</object></objectlist></frame>' for n in range(PICTURES)
+    )
+    truth = tmp_path / "truth.xml"
+    truth.write_text(f"<dataset>{frames}</dataset>")
+    assert read(truth)[0] == {7: (x, y, width, height)}
+    words = (str(folder), "--intrinsics", INTRINSICS, "--out", str(tmp_path / "t.csv"), "--annotations", str(truth))
+    assert people(*words, monkeypatch=monkeypatch) == 0
+    lines = [line.split() for line in capsys.readouterr().err.splitlines()]
+    said = {words[0]: words[1] for words in lines if len(words) == 2}
+    assert (float(said["objects"]), float(said["misses"])) == (5.0, 1.0)
+    assert float(said["false_positives"]) == float(said["switches"]) == 0.0
+    assert float(said["mota"]) == pytest.approx(0.8)
+
+
+def test_without_depth_the_detector_is_asked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    pictures = tmp_path / "pictures"
+    pictures.mkdir()
+    colour = np.full((424, 512, 3), 70, np.uint8)
+    colour[192:320, 256:320] = (40, 40, 200)
+    for number in range(4):
+        cv2.imwrite(str(pictures / f"{number}.png"), colour)
+    network, out = tmp_path / "red.onnx", tmp_path / "t.csv"
+    write_red_detector(network, 128, 16, (16.0, 30.0))
+    sets = (f"people.detector.file={network}", "people.detector.decoder=yolo", "people.detector.size_px=128")
+    assert people(str(pictures), "--out", str(out), sets=sets, monkeypatch=monkeypatch) == 0
+    found = rows(out)
+    assert {row[0] for row in found} == {1, 2, 3, 4} and all(row[7:] == [-1, -1, -1] for row in found)
+    assert "no intrinsics of the colour camera" in capsys.readouterr().err
+
+
+def test_what_cannot_be_used_is_named(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def refused(*words: str, match: str) -> None:
+        with pytest.raises(ConfigError, match=match):
+            people(*words, monkeypatch=monkeypatch)
+
+    refused(str(folder), match="depth needs --intrinsics FX,FY,CX,CY, and without a person detector")
+    refused(str(folder / "rgb"), match="the source has no depth, and without a person detector nobody")
+    refused(str(folder), "--intrinsics", "1,2,3", match="--intrinsics: got '1,2,3', expected FX,FY,CX,CY")
+    refused(str(folder), "--intrinsics", "0,1,1,1", match="expected focal lengths above 0")
+    refused(str(folder), "--depth-scale", "0", match="--depth-scale: got 0, expected a number above 0")
+    refused(str(folder), "--intrinsics", INTRINSICS, "--out", "/nowhere/t.csv", match="--out: cannot write")
+    refused(str(tmp_path / "none"), match="does not exist")
+    annotated = (str(folder), "--intrinsics", INTRINSICS, "--annotations")
+    refused(*annotated, str(tmp_path / "none.xml"), match="--annotations: cannot read")
+    broken = tmp_path / "broken.xml"
+    for text, match in (
+        ("<dataset><frame", "is no XML"),
+        ("<html/>", "no <frame> in a <dataset>"),
+        ('<dataset><frame number="x"/></dataset>', "number='x', expected a whole number"),
+        (
+            '<dataset><frame number="0"><objectlist><object id="1"/></objectlist></frame></dataset>',
+            "frame 0: an <object> without a <box>",
+        ),
+    ):
+        broken.write_text(text)
+        refused(*annotated, str(broken), match=match)
+
+
+def test_lists_that_are_wrong_are_named(folder: Path):
+    assert is_tum(str(folder)) and not is_tum(str(folder / "rgb"))
+    (folder / "depth.txt").write_text("nan depth/0.png\n")
+    with pytest.raises(ConfigError, match=r"depth.txt, line 1: got 'nan depth/0.png', expected `time file`"):
+        TumSequence(folder, 5000.0)
+    (folder / "depth.txt").write_text("1.0 depth/9.png\n")
+    with pytest.raises(ConfigError, match=r"9.png is listed in .*, but 5 such files are not there"):
+        TumSequence(folder, 5000.0)
+    (folder / "depth.txt").unlink()
+    assert not TumSequence(folder, 5000.0).with_depth
+    (folder / "associations.txt").write_text("1.5 rgb/1.png 1.6 depth/1.png\n1.0 rgb/0.png 1.0 rgb/0.png\n")
+    sequence = TumSequence(folder, 5000.0)
+    assert sequence.rate_hz == 2.0
+    with pytest.raises(ConfigError, match=r"0.png: got uint8 of shape .*, expected a 16-bit picture"):
+        list(sequence.frames())
+    (folder / "rgb.txt").write_text("# nothing\n")
+    (folder / "associations.txt").unlink()
+    with pytest.raises(ConfigError, match="lists no picture"):
+        TumSequence(folder, 5000.0)
