@@ -56,9 +56,9 @@ class WatchConfig(Section, frozen=True, kw_only=True):
     """One whose box or size changed by this share has changed, too."""
     refresh_s: Positive = 0.5
     """A person who does not change is looked at so often, s."""
-    again_s: Positive = 0.3
-    """What was no person and does not change is looked at again after this time, s, then after twice as long, …"""
-    again_most_s: Positive = 5.0
+    again_s: Positive = 0.2
+    """What was no person and does not change is looked at again after this time, s, then after half as long again, …"""
+    again_most_s: Positive = 2.0
     """… and so on up to this, s."""
     carry_s: Positive = 1.5
     """For so long after a pose was found its region counts as that person without another one, s."""

@@ -23,6 +23,8 @@ from onboard.people.sights import Sight
 
 _FULL_EVERY = 3
 """Every so many looks both ends of the body are tried again."""
+_LONGER = 1.5
+"""Each look that finds nobody makes the wait for the next one so much longer."""
 _LEAST_SCALE, _MOST_SCALE = 0.6, 1.6
 
 
@@ -149,7 +151,7 @@ class Watch:
         changed = self._changed(spot.looked, spot.sight)
         if person:
             return 1.0 + age_s / self.config.refresh_s if changed else age_s / self.config.refresh_s
-        wait_s = self.config.again_s * 2.0 ** (0 if changed else min(spot.refusals - 1, 10))
+        wait_s = self.config.again_s * _LONGER ** (0 if changed else min(spot.refusals - 1, 10))
         return age_s / min(wait_s, self.config.again_most_s)
 
     def _changed(self, before: Sight, now: Sight) -> bool:
