@@ -128,8 +128,12 @@ class AssociationConfig(Section, frozen=True, kw_only=True):
     """Pictures in which a person must be seen to be believed."""
     provisional_s: Positive = 2.0
     """A person not yet believed who is out of sight for this long is forgotten, s."""
-    sight_factor: Fraction = 0.5
+    sight_factor: Fraction = 0.3
     """What unbroken sight of a region leaves of the cost of taking what it shows for the same person as before."""
+    near_m: Positive = 0.5
+    """Who is seen this near to where somebody was last, m, in the floor's plane, …"""
+    near_factor: Fraction = 0.5
+    """… is that person at this share of the cost: those who lie and sit stay where they are."""
     walk_m_s: Positive = 2.0
     """How fast people get elsewhere, m/s."""
     slack_m: Positive = 1.0

@@ -156,7 +156,16 @@ class PeopleTracker:
         if not detection.fresh or track.number in given or not self._reachable(track, detection, gap_s):
             return float("inf")
         cost = match_cost(track.looks, track.pose, detection.look, detection.pose, gap_s, self.config)
-        return cost * (self.config.sight_factor if detection.known == track.number else 1.0)
+        return cost * self._evidence(track, detection)
+
+    def _evidence(self, track: Track, detection: Detection) -> float:
+        """What place and unbroken sight leave of the cost, a factor up to 1."""
+        if detection.known == track.number:
+            return self.config.sight_factor
+        if track.ned_p_m is None or detection.ned_p_m is None:
+            return 1.0
+        apart_m = float(np.linalg.norm((track.ned_p_m - detection.ned_p_m)[:2]))
+        return self.config.near_factor if apart_m <= self.config.near_m else 1.0
 
     def _reachable(self, track: Track, detection: Detection, gap_s: float) -> bool:
         """Whether the person can have walked there in the time; yes where a position is not known."""

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import cv2
+import msgspec
 import numpy as np
 import pytest
 
@@ -167,3 +168,36 @@ def test_the_position_settles_and_stays_when_out_of_sight():
 def replace_walk(walk_m_s: float) -> AssociationConfig:
     """Settings with people who hardly walk."""
     return AssociationConfig(walk_m_s=walk_m_s)
+
+
+def test_place_and_unbroken_sight_count_for_who_it_is():
+    """A look that costs too much by itself, of somebody who is where the person was, or in the same region."""
+    place = {"ned_p_m": np.array([3.0, 1.0, 0.0]), "ned_p_cov_m2": 0.04 * np.eye(3)}
+    away = {"ned_p_m": np.array([4.0, 2.0, 0.0]), "ned_p_cov_m2": 0.04 * np.eye(3)}
+    first = _detection("red over blue", **place)
+    other = _detection("red over blue", math.radians(20), 0.5, **place)
+    cost = match_cost([first.look], first.pose, other.look, other.pose, 60.0, CONFIG)
+    assert cost > 0.0
+    tight = msgspec.structs.replace(CONFIG, gate=0.75 * cost, slack_m=5.0)
+
+    def number(second: Detection) -> int:
+        tracker = PeopleTracker(tight)
+        tracker.update([first], 0)
+        tracker.update([first], 30 * SECOND)
+        tracker.tracks = [replace(track, confirmed=True) for track in tracker.tracks]
+        (given,) = tracker.update([second], 60 * SECOND)
+        return given
+
+    assert number(replace(other, **away)) == 2, "by its look alone it is somebody else"
+    assert number(other) == 1, "at the place it is the same person"
+    assert number(replace(other, **away, known=1)) == 1, "in the region it is the same person"
+
+
+def test_who_has_no_pose_of_their_own_goes_on_as_the_region_says():
+    first, second = _detection("red over blue"), _detection("green over black")
+    tracker = PeopleTracker(CONFIG)
+    assert tracker.update([first, second], 0) == [1, 2]
+    carried = replace(first, known=2, fresh=False)
+    assert tracker.update([carried, replace(second, known=7, fresh=False)], SECOND) == [2, 0]
+    hits = {track.number: (track.hits, track.seen_ns) for track in tracker.tracks}
+    assert hits == {1: (1, 0), 2: (1, SECOND)}, "it counts as seen, not as another look"
