@@ -70,6 +70,7 @@ class Mission(RescueMission):
             h_min_m=0.8,
             h_desired_m=1.5,
             sectors_m=(-1.0,) * 72,
+            seen=(False,) * 72,
             **status,
         )
         return self.judge(Criteria())
