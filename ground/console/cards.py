@@ -179,10 +179,10 @@ def nodes_html(view: Snapshot, nodes: tuple[str, ...], picture_rate_hz: float) -
     lines = [head]
     for name in nodes:
         count = None if view.alive is None else view.alive.get(name, 0)
-        dot = {None: '<b class="d">?</b>', 0: '<b class="r">●</b>', 1: '<b class="g">●</b>'}.get(
-            count, f'<b class="o">×{count}</b>'
-        )
         health = view.health.get(name)
+        # One that never spoke may not belong to this vehicle.
+        gone = '<b class="d">○</b>' if health is None else '<b class="r">●</b>'
+        dot = {None: '<b class="d">?</b>', 0: gone, 1: '<b class="g">●</b>'}.get(count, f'<b class="o">×{count}</b>')
         if health is None or not view.fresh(health_topic(name).name):
             lines.append(f'<tr><td>{dot} {escape(name)}</td><td class="d" colspan="4">no health</td></tr>')
             continue

@@ -222,7 +222,7 @@ def open_view(browser: Browser, console: Console) -> View:
     page = browser.new_page(viewport={"width": 1000, "height": 560})  # software GL pays for every pixel
     page.goto(console.url)
     view = View(page)
-    view.wait_text("Commanded by")
+    view.wait_text("Commanded by", 3 * WAIT_MS)  # a busy machine takes its time to load it
     # On software GL the page warns, top left over the picture, where a test may want to draw.
     notice = page.locator(".mantine-Notification-closeButton")
     if notice.count():
