@@ -230,15 +230,21 @@ COMMANDS: dict[str, CommandSpec] = {
 }
 
 
-def commands_by_word() -> dict[str, str]:
-    """Commands by their word on the command line: the last part of the name, or node and last part where that is taken.
+_BY_LAST_WORD = ("helm/", "pursuit/", "people/")
+"""Nodes whose commands are known by their last word alone."""
 
-    `select` is `pursuit/do/select`, `approach-select` is `approach/do/select`.
+
+def commands_by_word() -> dict[str, str]:
+    """Commands by their word on the command line: the last part of the name, or node and last part where that is taken
+    or says little by itself.
+
+    `select` is `pursuit/do/select`, `approach-select` is `approach/do/select`, `search-start` is `search/do/start`.
     """
     words: dict[str, str] = {}
-    for name in sorted(COMMANDS, key=lambda n: not n.startswith(("helm/", "pursuit/"))):
+    for name in sorted(COMMANDS, key=lambda n: not n.startswith(_BY_LAST_WORD)):
         node, _, last = name.partition("/do/")
-        words[last if last not in words else f"{node}-{last}"] = name
+        alone = name.startswith(_BY_LAST_WORD) and last not in words
+        words[last if alone else f"{node}-{last}"] = name
     return words
 
 
