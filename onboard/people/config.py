@@ -58,8 +58,8 @@ class ClusterConfig(Section, frozen=True, kw_only=True):
     """A point with fewer points than this (itself included) within the radius joins no two clusters: flying pixels."""
     least_length_m: Positive = 0.45
     """Shortest longest side of a person, of whom half may be outside the picture, m."""
-    most_length_m: Positive = 2.35
-    """Longest side of a person, arms stretched, m."""
+    most_length_m: Positive = 2.6
+    """Longest side of a person who lies with the arms stretched beyond the head, m."""
     most_height_m: Positive = 3.0
     """Greatest height of a person's highest point above the floor, m: a jump is included."""
     least_area_m2: Positive = 0.05
@@ -104,6 +104,20 @@ class PoseFilterConfig(Section, frozen=True, kw_only=True):
     """Least extent of the joints along the body over the region's length."""
     most_filled: Positive = 1.25
     """Greatest extent over it."""
+    least_inside: Fraction = 0.6
+    """Least share of the joints that lie on the region that they were found in."""
+    least_upright_m: Positive = 0.6
+    """Least height of somebody who is upright below the camera, m: who sits."""
+    least_upright_presence: Fraction = 0.15
+    """What the network must say about one seen from above; it knows them less well, but of things it says less."""
+    least_crown_m2: Positive = 0.005
+    """Least area of a head from above, m²."""
+    most_crown_m2: Positive = 0.08
+    """Largest, hair and what the shoulders add to it included, m²."""
+    least_shoulders: Positive = 0.8
+    """Least area of the shoulders below it over that of the head: posts have none."""
+    most_crown_apart_m: Positive = 0.3
+    """Largest distance of the found head from the top of the region, m."""
     least_body_m: Positive = 0.35
     """Shortest extent of the joints, m; sitting people and those seen from straight above are short."""
     most_body_m: Positive = 2.4
@@ -124,7 +138,7 @@ class AssociationConfig(Section, frozen=True, kw_only=True):
     """Looks that are kept of each person."""
     same_look: Fraction = 0.95
     """Similarity above which a look is in the gallery already."""
-    confirm_hits: Annotated[int, msgspec.Meta(ge=1)] = 3
+    confirm_hits: Annotated[int, msgspec.Meta(ge=1)] = 2
     """Pictures in which a person must be seen to be believed."""
     provisional_s: Positive = 2.0
     """A person not yet believed who is out of sight for this long is forgotten, s."""

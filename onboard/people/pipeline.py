@@ -21,11 +21,14 @@ from onboard.people.detector import PersonDetector
 from onboard.people.pipeline_config import PeopleConfig
 from onboard.people.pose import Picture, Pose, PoseFinder, PoseNetwork
 from onboard.people.pose_filter import pose_refusal
+from onboard.people.regions import Box
 from onboard.people.sights import DepthSearch, Sight, VehiclePose
 from onboard.people.tracks import Detection, PeopleTracker, Track
 from onboard.people.walk import Walks
 from onboard.people.watch import Spot, Watch
 
+_SEEN = 0.6
+"""Joints of this confidence are in the picture."""
 _SMOOTHING = 0.2
 """Share of the newest look's duration in what the next one is expected to take."""
 
@@ -58,6 +61,18 @@ class Found:
     """Joints in this picture."""
     fresh: bool
     """Whether they were found in it, rather than moved along from an earlier one."""
+
+    @property
+    def box_px(self) -> Box:
+        """x, y, width, height in the picture: of the region, and of the joints where the depth picture ends before the
+        person does."""
+        x, y, w, h = self.sight.region.box_px
+        seen = self.pose.joints_px[self.pose.confidence > _SEEN]
+        if not self.sight.region.cut or not len(seen):
+            return x, y, w, h
+        low = np.minimum(np.floor(seen.min(axis=0)).astype(int), (x, y))
+        high = np.maximum(np.ceil(seen.max(axis=0)).astype(int), (x + w, y + h))
+        return int(low[0]), int(low[1]), int(high[0] - low[0]), int(high[1] - low[1])
 
 
 @dataclass(frozen=True)
@@ -106,7 +121,7 @@ class PeoplePipeline:
         self._detector, self._clock = detector, clock or _standstill
         self.fit(colour, depth)
         self._finder = PoseFinder(network)
-        self._look_ms = 0.0
+        self._look_ms = {False: 0.0, True: 0.0}  # of a region that is new, of one whose pose is known
         self._last_ns: int | None = None
 
     @property
@@ -189,13 +204,14 @@ class PeoplePipeline:
         budget_ms = self.config.watch.budget_ms
         start, looks = self._clock(), 0
         for spot in self.watch.due(spots, frame.capture_ns) if budget_ms else spots:
-            begun = self._clock()
-            if budget_ms and looks and 1e3 * (begun - start) + self._look_ms > budget_ms:
+            begun, known = self._clock(), spot.up is not None
+            expected_ms = self._look_ms[known]
+            if budget_ms and looks and 1e3 * (begun - start) + expected_ms > budget_ms:
                 break
             self._pose_of(spot, frame, with_depth)
             looks += 1
             took_ms = 1e3 * (self._clock() - begun)
-            self._look_ms += (_SMOOTHING if self._look_ms else 1.0) * (took_ms - self._look_ms)
+            self._look_ms[known] += (_SMOOTHING if expected_ms else 1.0) * (took_ms - expected_ms)
         return looks
 
     def _pose_of(self, spot: Spot, frame: Frame, with_depth: bool) -> None:
@@ -226,8 +242,10 @@ class PeoplePipeline:
                 continue
             if spot.sight.ned_p_m is not None:
                 self.walks.add(number, t_ns, spot.sight.ned_p_m)
-            if not tracks[number].dismissed:
-                found.append(Found(number, spot.sight, pose, spot.posed_ns == t_ns))
+            fresh = spot.posed_ns == t_ns
+            # A pose cannot be moved along with a region that is cut anew in every picture.
+            if not tracks[number].dismissed and (fresh or not spot.sight.region.cut or spot.keeps_shape):
+                found.append(Found(number, spot.sight, pose, fresh))
         return tuple(found)
 
 

@@ -60,7 +60,7 @@ class WatchConfig(Section, frozen=True, kw_only=True):
     """What was no person and does not change is looked at again after this time, s, then after half as long again, …"""
     again_most_s: Positive = 2.0
     """… and so on up to this, s."""
-    carry_s: Positive = 1.5
+    carry_s: Positive = 3.0
     """For so long after a pose was found its region counts as that person without another one, s."""
     forget_s: Positive = 1.0
     """A region that is out of sight for so long is forgotten, s; the person is not."""

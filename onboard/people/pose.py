@@ -32,6 +32,10 @@ _NECK, _COVERED = 0.35, 0.75
 """Head to neck over the trunk, and the joints' extent over the region's, that an upright body reaches (vtest.avi)."""
 _DECIDED = 0.5
 """One end is out when it is rated below this share of the other."""
+_NOBODY, _SURE = 0.05, 0.95
+"""Presence below which no end of a region is worth a second look, and above which one look may be enough."""
+_UPRIGHT, _SAME_WAY = 0.97, 0.8
+"""Cosines of the turns between crop and body, and from picture to picture, up to which it is."""
 
 Picture = NDArray[np.uint8]
 
@@ -218,12 +222,13 @@ class PoseFinder:
 
     def find(self, picture: Picture, region: Region, up: ArrayLike | None = None) -> Pose:
         """The pose in a region: upright along its principal axis, both ways round, the better one once more along the
-        line from its feet to its head.
+        line from its feet to its head, unless the first look was upright already.
 
         Args:
             picture: (H, W, 3) BGR.
             region: where to look.
-            up: (2,) direction from feet to head, px, where it is known from before; saves the other way round.
+            up: (2,) direction from feet to head, px, where it is known from before: one look that way is enough where
+                it finds a body.
         """
         start, end = region.axis()
         axis = end - start
@@ -231,13 +236,22 @@ class PoseFinder:
         if length < 1.0:
             axis, length = np.array([0.0, 1.0]), 1.0
         axis = axis / length
-        ways = (axis, -axis) if up is None else (axis if axis @ np.asarray(up, float) > 0 else -axis,)
         middle = 0.5 * (start + end)
+        if up is not None:
+            pose = self._at(picture, middle, np.asarray(up, float), _FIRST_MARGIN * length)
+            if pose.presence >= _SURE and float(pose.up @ np.asarray(up, float)) > _SAME_WAY:
+                return pose
+        ways = (axis, -axis)
         first = [self._at(picture, middle, way, _FIRST_MARGIN * length) for way in ways]
         rated = sorted(((_rating(pose, way, length), k) for k, (pose, way) in enumerate(zip(first, ways, strict=True))))
         best, index = rated[-1]
+        if max(pose.presence for pose in first) < _NOBODY:
+            return first[index]
         # A second look along the line that was found; at both ends where the first look does not decide.
         undecided = [k for rating, k in rated if rating > _DECIDED * best]
+        sure = len(undecided) == 1 and first[index].presence >= _SURE
+        if sure and float(first[index].up @ ways[index]) > _UPRIGHT:
+            return first[index]
         looks = [(best, first[index])]
         for k in undecided:
             pose = self._along(picture, first[k])

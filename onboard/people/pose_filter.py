@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import cv2
 import numpy as np
 
 from common.geometry.rotation import Array
@@ -11,6 +12,9 @@ from onboard.people.config import PoseFilterConfig
 from onboard.people.pose import ANKLE_L, ANKLE_R, HEAD, HIP_L, HIP_R, KNEE_L, KNEE_R, NECK, WAIST, Pose
 from onboard.people.regions import Region
 
+_MARGIN = 0.06
+"""How far beside its region a joint may lie, as a share of the region's longer side."""
+_SEEN = 0.5
 _BELOW_NECK = (HIP_R, KNEE_R, ANKLE_R, HIP_L, KNEE_L, ANKLE_L)
 
 
@@ -49,6 +53,10 @@ def pose_refusal(pose: Pose, region: Region, config: PoseFilterConfig, focal_px:
     region_px = float(np.linalg.norm(end - start))
     if not np.isfinite(pose.joints_px).all():
         return "joints that are no numbers"
+    inside = share_inside(pose, region)
+    beside = inside < config.least_inside
+    if focal_px is not None and not beside and not foreshortened_refusal(pose, region, config, focal_px):
+        return ""
     if pose.presence < config.least_presence:
         return f"presence {pose.presence:.2f}, less than {config.least_presence}"
     if float(pose.confidence.mean()) < config.least_confidence:
@@ -68,4 +76,47 @@ def pose_refusal(pose: Pose, region: Region, config: PoseFilterConfig, focal_px:
         extent_m = float(np.ptp(pose.joints_px, axis=0).max()) * region.camera_p_m[2] / focal_px
         if not config.least_body_m <= extent_m <= config.most_body_m:
             return f"a body {extent_m:.2f} m long"
+    return f"{inside:.2f} of the joints on the region, less than {config.least_inside}" if beside else ""
+
+
+def foreshortened_refusal(pose: Pose, region: Region, config: PoseFilterConfig, focal_px: float) -> str:
+    """Why a region with depth does not show somebody upright below the camera, or nothing when it does.
+
+    Who stands or sits is seen from above as a head on shoulders: in the picture nothing hangs in the order of eq. 4. In
+    metres it does: the head is on top of the region, of a head's size, and the shoulders below it are wider. The
+    network has to find the head there.
+
+    Args:
+        pose: what was found.
+        region: where.
+        config: thresholds.
+        focal_px: of the colour camera.
+    """
+    crown, height_m = region.crown, region.height_m
+    if crown is None or height_m is None:
+        return "no depth"
+    if height_m < config.least_upright_m:
+        return f"{height_m:.2f} m high, less than {config.least_upright_m}"
+    if pose.presence < config.least_upright_presence:
+        return f"presence {pose.presence:.2f}, less than {config.least_upright_presence}"
+    if not config.least_crown_m2 <= crown.area_m2 <= config.most_crown_m2:
+        return f"a top of {crown.area_m2:.3f} m²"
+    if crown.below_m2 < config.least_shoulders * crown.area_m2:
+        return f"{crown.below_m2:.3f} m² below a top of {crown.area_m2:.3f} m²"
+    apart_m = float(np.linalg.norm(pose.joints_px[HEAD] - crown.middle_px)) * crown.depth_m / focal_px
+    if apart_m > config.most_crown_apart_m:
+        return f"the head {apart_m:.2f} m from the top"
     return ""
+
+
+def share_inside(pose: Pose, region: Region) -> float:
+    """Share of the joints that are seen which lie on the region's mask or close by: the pose of somebody beside it lies
+    elsewhere."""
+    seen = pose.joints_px[pose.confidence > _SEEN] if (pose.confidence > _SEEN).any() else pose.joints_px
+    x, y, w, h = region.box_px
+    margin = max(2, round(_MARGIN * max(w, h)))
+    grown = np.pad(region.mask, margin).astype(np.uint8)
+    grown = np.asarray(cv2.dilate(grown, np.ones((2 * margin + 1,) * 2, np.uint8)))
+    places = np.round(seen - (x - margin, y - margin)).astype(int)
+    within = ((places >= 0) & (places < (grown.shape[1], grown.shape[0]))).all(axis=1)
+    return float(grown[places[within, 1], places[within, 0]].sum()) / len(places)

@@ -18,6 +18,27 @@ from onboard.people.floor import Floor
 Mask = NDArray[np.bool_]
 Box = tuple[int, int, int, int]
 
+CROWN_M, SHOULDERS_M = 0.16, 0.50
+"""How far below the top of a person the head and the shoulders end, m."""
+_TOP_PERCENT = 99.0
+_BORDER_PX = 2.5
+_LEAST_SEEN = 0.4
+"""What lies outside the colour picture but for less than this share is left out: a foot is no person."""
+
+
+@dataclass(frozen=True)
+class Crown:
+    """The top of what stands in a region: of a person who is upright, the head, and the shoulders below it."""
+
+    middle_px: Array
+    """(2,) its middle in the colour picture."""
+    depth_m: float
+    """Its depth in the colour camera's frame, m."""
+    area_m2: float
+    """Area across the rays within `CROWN_M` of the top, m²."""
+    below_m2: float
+    """Area from there down to `SHOULDERS_M` below the top, m²."""
+
 
 @dataclass(frozen=True)
 class Region:
@@ -35,6 +56,10 @@ class Region:
     """Side across it, m; None without depth."""
     height_m: float | None
     """Highest point above the floor, m; None without depth."""
+    crown: Crown | None = None
+    """What its top looks like; None without depth."""
+    cut: bool = False
+    """Whether the depth picture ends within it although the colour picture goes on: there is more than it shows."""
 
     def axis(self) -> tuple[Array, Array]:
         """Ends (2,), (2,) of the principal axis of the mask, px in the picture: where head and feet may be."""
@@ -92,7 +117,7 @@ def find_regions(
     table: RayTable,
     registration: Registration,
 ) -> list[Region | None]:
-    """Region of each cluster in the colour picture; None for one that lies outside it.
+    """Region of each cluster in the colour picture; None for one that lies mostly outside it.
 
     Args:
         clusters: of the cloud.
@@ -108,11 +133,12 @@ def find_regions(
 def _region(
     cluster: Cluster, cloud: Cloud, depth_m: Floats, floor: Floor, table: RayTable, registration: Registration
 ) -> Region | None:
-    points = registration.points(_dense(cluster, cloud, depth_m, floor, table))
+    dense = _dense(cluster, cloud, depth_m, floor, table)
+    points = registration.points(dense)
     colour = registration.colour
     pixels = np.round(colour.project(points))
     inside = (pixels >= 0).all(axis=1) & (pixels < (colour.width, colour.height)).all(axis=1)
-    if not inside.any():
+    if inside.mean() < _LEAST_SEEN:
         return None
     places = pixels[inside].astype(int)
     # A depth pixel covers so many colour pixels; the mask has no holes between them.
@@ -125,6 +151,7 @@ def _region(
         drawn = np.asarray(cv2.dilate(drawn, np.ones((grain, grain), np.uint8)))
     drawn = np.asarray(cv2.morphologyEx(drawn, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)))
     x, y, z = points.mean(axis=0)
+    whole = bool((low > 0).all() and (high < (colour.width, colour.height)).all())
     return Region(
         (int(low[0]), int(low[1]), int(high[0] - low[0]), int(high[1] - low[1])),
         drawn > 0,
@@ -132,7 +159,28 @@ def _region(
         cluster.length_m,
         cluster.width_m,
         cluster.height_m,
+        _crown(dense, points, floor, table, colour),
+        whole and _at_border(dense, table),
     )
+
+
+def _at_border(dense: Floats, table: RayTable) -> bool:
+    """Whether points (N, 3) reach the border of the depth picture."""
+    places = dense[:, :2] / dense[:, 2:]
+    ends = table.rays[0, 0], table.rays[-1, -1]
+    margin = _BORDER_PX / table.focal_px
+    return bool((places < np.minimum(*ends) + margin).any() or (places > np.maximum(*ends) - margin).any())
+
+
+def _crown(dense: Floats, points: Array, floor: Floor, table: RayTable, colour: Camera) -> Crown:
+    """Top of some points (N, 3), given in the frames of the depth camera and of the colour camera."""
+    heights = floor.heights_m(dense)
+    below_top = float(np.percentile(heights, _TOP_PERCENT)) - heights
+    areas = (dense[:, 2].astype(float) / table.focal_px) ** 2
+    crown, shoulders = below_top < CROWN_M, (below_top >= CROWN_M) & (below_top < SHOULDERS_M)
+    middle = points[crown].mean(axis=0)
+    area_m2, below_m2 = float(areas[crown].sum()), float(areas[shoulders].sum())
+    return Crown(colour.project(middle)[0], float(middle[2]), area_m2, below_m2)
 
 
 def _dense(cluster: Cluster, cloud: Cloud, depth_m: Floats, floor: Floor, table: RayTable) -> Floats:

@@ -1,7 +1,7 @@
 """Which region is which of the picture before, and which are worth the time that a pose takes.
 
-A pose costs as much as everything else together, ten times over. So new regions come first, then people not believed
-yet, then what has changed or waited longest; what was no person is looked at ever more rarely until it changes. A
+A pose costs as much as everything else together, ten times over. So people not believed yet come first, then new
+regions, then what has changed or waited longest; what was no person is looked at ever more rarely until it changes. A
 person's region goes on being that person for a while without another pose.
 """
 
@@ -21,6 +21,12 @@ from onboard.people.pose import Pose
 from onboard.people.regions import Box
 from onboard.people.sights import Sight
 
+_NEW, _DOUBTED = 1e6, 1e9
+_LYING_M, _LONG_M, _WIDE_M, _HEAD_M2 = 0.6, (1.1, 2.6), 0.25, 0.08
+"""Height, lengths and least width of somebody who lies, m; largest head from above, m²."""
+_SAME_SHAPE = 0.1
+_LIKELY_WAIT = 0.4
+"""Share of the wait until the next look that such a region waits."""
 _FULL_EVERY = 3
 """Every so many looks both ends of the body are tried again."""
 _LONGER = 1.5
@@ -62,7 +68,8 @@ class Spot:
     @property
     def up(self) -> Array | None:
         """Direction from feet to head, px (2,), as far as it need not be looked for anew."""
-        return None if self.pose is None or self.looks % _FULL_EVERY == 0 else self.pose.up
+        anew = self.refusals or self.looks % _FULL_EVERY == 0
+        return None if self.pose is None or anew else self.pose.up
 
     def found(self, pose: Pose, look: Look, t_ns: int) -> None:
         """A look found a person."""
@@ -75,6 +82,14 @@ class Spot:
         self._looked(t_ns)
         self.refusals += 1
         self.refusal = reason
+
+    @property
+    def keeps_shape(self) -> bool:
+        """Whether the box has about the sides that it had with the last pose."""
+        if self.posed is None:
+            return False
+        before, now = self.posed.region.box_px, self.sight.region.box_px
+        return all(abs(now[k] - before[k]) <= _SAME_SHAPE * before[k] for k in (2, 3))
 
     def pose_now(self, t_ns: int) -> Pose | None:
         """The pose in the present picture: found there, or moved there with the box; None without any."""
@@ -142,17 +157,20 @@ class Watch:
 
     def _urgency(self, spot: Spot, t_ns: int) -> float:
         """1 and more: due."""
+        likely = _likely(spot.sight)
         if spot.looked is None:
-            return math.inf
+            return _NEW * (2.0 if likely else 1.0)
         age_s = (t_ns - spot.looked_ns) / 1e9
         if spot.number and not spot.confirmed and not spot.refusals:
-            return 1e6 + age_s
+            return _DOUBTED + age_s  # before what is new: one short look, and they are believed
         person = spot.number and self.carries(spot, t_ns)
         changed = self._changed(spot.looked, spot.sight)
+        if person and spot.sight.region.cut:
+            return 2.0 + age_s  # what is missing of it changes from picture to picture
         if person:
             return 1.0 + age_s / self.config.refresh_s if changed else age_s / self.config.refresh_s
         wait_s = self.config.again_s * _LONGER ** (0 if changed else min(spot.refusals - 1, 10))
-        return age_s / min(wait_s, self.config.again_most_s)
+        return age_s / min(wait_s * (_LIKELY_WAIT if likely else 1.0), self.config.again_most_s)
 
     def _changed(self, before: Sight, now: Sight) -> bool:
         config, share = self.config, self.config.changed_share
@@ -161,6 +179,17 @@ class Watch:
         moved = float(np.linalg.norm((now.ned_p_m - before.ned_p_m)[:2])) > config.changed_m
         sizes = [(r.length_m or 0.0, r.width_m or 0.0, r.height_m or 0.0) for r in (before.region, now.region)]
         return moved or any(abs(a - b) > share * max(a, b, 0.2) for a, b in zip(*sizes, strict=True))
+
+
+def _likely(sight: Sight) -> bool:
+    """Whether a region has the size of somebody who lies, or the top of somebody upright: worth an earlier look."""
+    region = sight.region
+    if region.length_m is None or region.width_m is None or region.height_m is None or region.crown is None:
+        return False
+    crown = region.crown
+    lies = region.height_m < _LYING_M and _LONG_M[0] < region.length_m < _LONG_M[1] and region.width_m > _WIDE_M
+    upright = region.height_m >= _LYING_M and crown.area_m2 < _HEAD_M2 and crown.below_m2 > crown.area_m2
+    return lies or upright
 
 
 def iou(a: Sequence[float], b: Sequence[float]) -> float:

@@ -114,7 +114,7 @@ def test_people_are_published_with_identity_place_and_picture(run: Callable[...,
 
 
 def test_who_is_not_believed_yet_is_no_obstacle(run: Callable[..., list[Any]]):
-    outputs = run(2)
+    outputs = run(1)
     assert of(outputs, "people/tracks")[-1].people[0].state == "provisional"
     assert of(outputs, "obstacles/people")[-1].obstacles == ()
 

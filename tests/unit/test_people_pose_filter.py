@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from onboard.people.config import PoseFilterConfig
-from onboard.people.pose import ANKLE_L, HEAD, KNEE_L, KNEE_R, NECK
-from onboard.people.pose_filter import pose_refusal, upright
+from onboard.people.pose import ANKLE_L, ANKLE_R, HEAD, KNEE_L, KNEE_R, NECK, Pose
+from onboard.people.pose_filter import foreshortened_refusal, pose_refusal, share_inside, upright
+from onboard.people.regions import Crown, Region
 from tests.unit.people_bodies import STANDING, moved, pose, region_of
 
 CONFIG = PoseFilterConfig()
@@ -83,3 +84,41 @@ def test_with_depth_the_body_has_to_be_as_long_as_people_are(distance_m: float, 
     region = replace(region_of(STANDING), camera_p_m=(0.0, 0.0, distance_m))
     said = pose_refusal(pose(), region, CONFIG, focal_px=1000.0)
     assert (said == "") == passes and ("m long" in said) == (not passes)
+
+
+def _from_above(**crown: float) -> tuple[Pose, Region]:
+    """Somebody who stands below the camera: head in the middle of the shoulders, feet beside it, at 100 px a metre."""
+    joints = np.full((15, 2), 200.0)
+    joints[[KNEE_R, KNEE_L]] += (4.0, 6.0)
+    joints[[ANKLE_R, ANKLE_L]] += (-5.0, 9.0)
+    mask = np.ones((60, 60), bool)
+    shape = {"depth_m": 5.0, "area_m2": 0.03, "below_m2": 0.08, **crown}
+    region = Region((170, 170, 60, 60), mask, (0.0, 0.0, 5.0), 0.6, 0.5, 1.75, Crown(np.array([205.0, 200.0]), **shape))
+    return pose(joints, presence=0.5), region
+
+
+def test_who_stands_below_the_camera_is_known_by_head_and_shoulders():
+    seen, region = _from_above()
+    assert pose_refusal(seen, region, CONFIG, 500.0) == ""
+    assert pose_refusal(seen, region, CONFIG) != "", "without depth there is no evidence for it"
+    low = replace(region, height_m=0.4)
+    assert "high" in foreshortened_refusal(seen, low, CONFIG, 500.0)
+
+
+@pytest.mark.parametrize(
+    ("crown", "said"),
+    [({"area_m2": 0.26}, "a top of"), ({"below_m2": 0.01}, "below a top"), ({"depth_m": 50.0}, "from the top")],
+)
+def test_barrels_posts_and_heads_elsewhere_are_refused(crown: dict[str, float], said: str):
+    seen, region = _from_above(**crown)
+    assert said in foreshortened_refusal(seen, region, CONFIG, 500.0)
+    assert pose_refusal(seen, region, CONFIG, 500.0) != ""
+
+
+def test_a_pose_that_lies_beside_its_region_is_somebody_elses():
+    seen, region = pose(STANDING), region_of(STANDING)
+    assert share_inside(seen, region) == 1.0
+    x, y, w, h = region.box_px
+    beside = replace(region, box_px=(x + 2 * w, y, w, h))
+    assert share_inside(seen, beside) == 0.0
+    assert "joints on the region" in pose_refusal(seen, beside, CONFIG)
