@@ -28,6 +28,7 @@ IDENTITIES: dict[RouterSide, tuple[str, ...]] = {
         "people",
         "search",
         "approach",
+        "follow",
         "world",
         "sensor",
         "cli",

@@ -101,7 +101,7 @@ def _add_do(sub: argparse._SubParsersAction) -> None:
         "argument",
         nargs="?",
         metavar="X,Y,W,H|on|off",
-        help="select: the target's box in the picture, px; push-back: on or off",
+        help="select, follow-select: the target's box, px; push-back: on or off",
     )
     do.add_argument("--height", type=float, metavar="M", help="takeoff: height above home, m")
     do.add_argument(

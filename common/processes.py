@@ -85,6 +85,13 @@ PROCESSES: dict[str, ProcessSpec] = {
             "onboard",
         ),
         ProcessSpec(
+            "follow",
+            "onboard",
+            "onboard.follow.node:FollowNode",
+            "several trackers fused, and the flight after a target by what the vehicle itself sees",
+            "onboard",
+        ),
+        ProcessSpec(
             "router-ground", "ground", "common.router:run_ground", "the ground station's Zenoh router", "ground"
         ),
         ProcessSpec(
@@ -115,6 +122,8 @@ SECTIONS: dict[str, str] = {
     "limiter": "onboard.limiter.config:LimiterConfig",
     "search": "onboard.search.config:SearchConfig",
     "approach": "onboard.approach.config:ApproachConfig",
+    "follow": "onboard.follow.config:FollowConfig",
+    "depth": "onboard.fusion.depth:DepthConfig",
     "tracker": "common.tracking.config:ParticleFilterConfig",
     "dsst": "common.tracking.dsst_config:DsstConfig",
     "cmt": "common.tracking.cmt_config:CmtConfig",

@@ -106,6 +106,16 @@ _TOPICS = (
         doc="motion asked by the chase",
     ),
     Topic(
+        "helm/request/follow",
+        m.Request,
+        20,
+        300,
+        priority="real_time",
+        written_by=("follow",),
+        crosses_link=False,
+        doc="motion asked by the vehicle's own follower of a target",
+    ),
+    Topic(
         "helm/request/approach",
         m.Request,
         20,
@@ -126,6 +136,7 @@ _TOPICS = (
         doc="motion asked by the search over an area",
     ),
     Topic("search/status", m.SearchStatus, 5, 1500, doc="way of the search, and how far it is"),
+    Topic("follow/track", m.Track, 20, 500, priority="interactive_high", doc="the followed target, as fused on board"),
     Topic("approach/target", m.ApproachTarget, 10, 500, doc="what the approach has selected, and where it is"),
     Topic("helm/limiter", m.LimiterStatus, 10, 500, priority="interactive_high", doc="what the limiter does, and why"),
     Topic(
@@ -206,6 +217,7 @@ COMMANDS: dict[str, CommandSpec] = {
         CommandSpec("helm/do/return", 5, "fly home under the limiter and land"),
         CommandSpec("helm/do/engage", 5, "take the stick again after helm yielded or restarted; hovers"),
         CommandSpec("helm/do/chase", 5, "obey the pursuit"),
+        CommandSpec("helm/do/follow", 5, "obey the vehicle's own follower of a target"),
         CommandSpec("helm/do/approach", 5, "obey the approach: fly up to what was selected, and hold there"),
         CommandSpec("helm/do/push-back", 5, "let the limiter back away from what is too near, or not: on, off"),
         CommandSpec(
@@ -220,6 +232,8 @@ COMMANDS: dict[str, CommandSpec] = {
         CommandSpec("people/do/rename", 5, "call a person (--label) by a name (--name)"),
         CommandSpec("people/do/merge", 5, "two people are one: --label is the same as --into"),
         CommandSpec("people/do/dismiss", 5, "a person (--label) is nobody, or no longer of interest"),
+        CommandSpec("follow/do/select", 15, "choose the target of the vehicle's own follower by a box in the picture"),
+        CommandSpec("follow/do/stop", 5, "forget the follower's target"),
         CommandSpec("pursuit/do/select", 5, "choose the target by a box in the picture"),
         CommandSpec(
             "pursuit/do/find", 5, "look for the target of the picture `pursuit.model` names, until it is found"

@@ -17,6 +17,7 @@ _OUTCOME_CLASS = {"done": "g", "refused": "o", "failed": "r", "running": "b"}
 _STATE_CLASS = {
     "hold": "g",
     "pursuit": "g",
+    "follow": "g",
     "approach": "g",
     "operator": "g",
     "yielded": "o",

@@ -189,6 +189,6 @@ def stick_words(view: Snapshot) -> str:
         return "no word from helm: the stick does nothing"
     if status.state == "operator":
         return "flying by your stick"
-    if status.state in ("hold", "pursuit", "approach", "returning"):
+    if status.state in ("hold", "pursuit", "follow", "approach", "returning"):
         return f"ready (helm: {status.state}); move to fly"
     return f"helm is {status.state}: the stick does nothing"

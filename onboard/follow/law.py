@@ -70,6 +70,10 @@ class FollowLaw:
         self._asked: Array | None = None
         self._asked_ns = 0
 
+    def restart(self) -> None:
+        """The last request was not flown: the next one begins at the vehicle's own velocity."""
+        self._asked = None
+
     def ask(self, target: TargetState, vehicle: Vehicle, t_ns: int) -> Request:
         """Velocity, NED, and heading rate; the first call's distance and height difference are the set-points.
 

@@ -126,7 +126,7 @@ class HabDfTracker:
         check_box(frame, box, angle_rad)
         for member in self.members.values():
             member.init(frame, box, angle_rad, t_ns)
-        self._fusion = Fusion([_source(name) for name in self.members], self._config)
+        self._fusion = Fusion([source_of(name) for name in self.members], self._config)
         self._set_unit(box[2], box[3])
         self.answers, self.fused = {}, None
         self._witness, self._number = Appearance(), 0
@@ -154,7 +154,7 @@ class HabDfTracker:
         doubted = self._doubted(similar)
         self._choose(similar, t_ns)
         said = [
-            _measurement(n, r, t_ns, n in doubted) if self._speaks(n) else Measurement(n, t_ns, None)
+            measurement_of(n, r, t_ns, n in doubted) if self._speaks(n) else Measurement(n, t_ns, None)
             for n, r in self.answers.items()
         ]
         self.fused = self._fusion.step(said, t_ns)
@@ -269,13 +269,14 @@ class HabDfTracker:
             self._fusion.forget(name)
 
 
-def _source(name: str) -> Source:
+def source_of(name: str) -> Source:
+    """A tracker of the registry as a source of the fusion."""
     character = CHARACTERS.get(name, Character())
     noise = (character.place, character.place, character.size, character.size)
     return Source(name, noise, threshold=0.5, vouches=character.vouches)
 
 
-def _measurement(name: str, answer: TrackResult, t_ns: int, doubted: bool) -> Measurement:
+def measurement_of(name: str, answer: TrackResult, t_ns: int, doubted: bool = False) -> Measurement:
     """A member's answer as u, v, h, w, and its score brought to a threshold of one half, below it when doubted."""
     if answer.state != "tracking":
         return Measurement(name, t_ns, None)

@@ -17,7 +17,7 @@ class Candidate:
     """A request with what is known of its age, all on helm's own clock."""
 
     source: str
-    """`operator`, `pursuit`, `approach` or `search`."""
+    """`operator`, `pursuit`, `follow`, `approach` or `search`."""
     request: Request
     """What is asked."""
     basis_ns: int

@@ -155,6 +155,18 @@ def _chase(call: Call, flight: Flight, seen: Seen, t_ns: int) -> None:
         _wrong_state(call, flight, Event.CHASE)
 
 
+def _follow(call: Call, flight: Flight, seen: Seen, t_ns: int) -> None:
+    fresh = seen.follow is not None and (t_ns - seen.follow.received_ns) / 1e9 < flight.config.freshness_s
+    if flight.state is State.FOLLOW:
+        _done(call, "already following")
+    elif not fresh:
+        _refuse(call, "the follower has no target that it sees; choose one first with follow/do/select")
+    elif flight.fire(Event.FOLLOW, "follow commanded", seen.telemetry, t_ns):
+        _done(call, "obeying the follower")
+    else:
+        _wrong_state(call, flight, Event.FOLLOW)
+
+
 def _approach(call: Call, flight: Flight, seen: Seen, t_ns: int) -> None:
     fresh = seen.approach is not None and (t_ns - seen.approach.received_ns) / 1e9 < flight.config.freshness_s
     if flight.state is State.APPROACH:
@@ -203,6 +215,7 @@ _HANDLERS: Mapping[str, Callable[[Call, Flight, Seen, int], None]] = MappingProx
         "helm/do/return": _return,
         "helm/do/engage": _engage,
         "helm/do/chase": _chase,
+        "helm/do/follow": _follow,
         "helm/do/approach": _approach,
         "helm/do/push-back": _push_back,
         "helm/do/search": _search,

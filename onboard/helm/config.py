@@ -65,6 +65,13 @@ class HelmConfig(Section, frozen=True, kw_only=True):
     """What follows when a task's requests stay away."""
     link_loss_after_s: Positive = 10.0
     """How long they may stay away before that, s; helm hovers meanwhile."""
+    follow_on_link_loss: bool = False
+    """Whether the vehicle's own follower flies on after the chase's target when the chase falls silent. The follower
+    then tracks beside every chase, at the cost of its trackers."""
+    follow_without_link_s: Positive = 60.0
+    """Longest such flight, s; then `link_loss_action`."""
+    hand_back_after_s: NonNegative = 1.0
+    """The chase has to be back with its target for so long before it is obeyed again, s."""
     resume_after_restart: bool = False
     """Whether helm, started with the vehicle in the air, takes the stick and hovers without being told."""
     takeoff_height_m: Positive = 4.0

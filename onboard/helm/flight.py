@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from onboard.helm.actions import Action, Kind
-from onboard.helm.arbiter import HOVER, Candidate, Verdict, arbitrate
+from onboard.helm.arbiter import HOVER, Candidate, Verdict, arbitrate, fault
 from onboard.helm.config import HelmConfig
 from onboard.helm.dialect.base import Role
 from onboard.helm.machine import Engagement, Machine, presence
@@ -56,6 +56,8 @@ class Flight:
         self._last_basis_ns = 0
         self._link_ns = 0
         self._target_ns = 0
+        self._taken_over_ns: int | None = None
+        self._chase_back_ns: int | None = None
         self._parameters_ns = 0
 
     @property
@@ -117,6 +119,8 @@ class Flight:
         self.machine.counters[event.value] += 1
         if self.state is not before:
             self._enter(before, telemetry, t_ns)
+            self._taken_over_ns = t_ns if event is Event.TAKEN_OVER else None
+            self._chase_back_ns = None
         return True
 
     # ------------------------------------------------------------ one part of the cycle each
@@ -136,7 +140,7 @@ class Flight:
         if state is State.LANDING:
             self.orders.fail_all("superseded by the landing", keep=("landing",))
             self.do(Action(Kind.LAND))
-        elif state in (State.PURSUIT, State.APPROACH, State.SEARCH):
+        elif state in (State.PURSUIT, State.FOLLOW, State.APPROACH, State.SEARCH):
             self._link_ns = self._target_ns = t_ns
         elif state in (State.YIELDED, State.FAILSAFE, State.DISCONNECTED, State.STANDBY):
             if state is State.STANDBY and before is State.LANDING:
@@ -268,12 +272,14 @@ class Flight:
         elif state is State.OPERATOR:
             self.fire(
                 Event.STICK_RELEASED,
-                "the operator let go, hovering; `chase`, `approach` or `search` resumes",
+                "the operator let go, hovering; `chase`, `follow`, `approach` or `search` resumes",
                 telemetry,
                 t_ns,
             )
         elif state is State.PURSUIT:
             self._watch_chase(seen, t_ns)
+        elif state is State.FOLLOW:
+            self._watch_follow(seen, t_ns)
         elif state in (State.APPROACH, State.SEARCH):
             self._watch_task(state.value, seen, t_ns)
 
@@ -284,19 +290,24 @@ class Flight:
             state is State.OPERATOR or (state in _STICK_STATES and _moves(seen.operator))
         ):
             candidates.append(seen.operator)
-        tasks = {State.PURSUIT: seen.pursuit, State.APPROACH: seen.approach, State.SEARCH: seen.search}
-        task = tasks.get(state)
-        if task is not None:
-            candidates.append(task)
+        tasks = {
+            State.PURSUIT: (seen.pursuit, seen.follow if self.config.follow_on_link_loss else None),
+            State.FOLLOW: (seen.follow,),
+            State.APPROACH: (seen.approach,),
+            State.SEARCH: (seen.search,),
+        }.get(state, ())
+        candidates += [task for task in tasks if task is not None]
         attitude = seen.telemetry.attitude
         return arbitrate(candidates, t_ns, attitude.yaw_rad if attitude else math.nan, self.config.freshness_s)
 
     def _watch_chase(self, seen: Seen, t_ns: int) -> None:
         """Hover at once without a request; after the configured time, what the configuration says."""
-        spoke_ns = [seen.pursuit.received_ns] if seen.pursuit else []
-        if seen.track is not None:
-            spoke_ns.append(t_ns - int(seen.track.age_s * 1e9))
-        if any((t_ns - ns) / 1e9 < _LINK_ALIVE_S for ns in spoke_ns):
+        if self.verdict.source == "follow":
+            self.fire(
+                Event.TAKEN_OVER, "nothing from the chase: the vehicle follows its target itself", seen.telemetry, t_ns
+            )
+            return
+        if _chase_speaks(seen, t_ns):
             self._link_ns = t_ns
         if self.verdict.source == "pursuit" and (seen.track is None or seen.track.tracking):
             self._target_ns = t_ns
@@ -312,6 +323,42 @@ class Flight:
             self.fire(Event.TARGET_AWAY, f"no target for {without_s:.0f} s: hold", seen.telemetry, t_ns)
         elif self.verdict.source == "helm":
             self.machine.reason = f"no fresh request from the chase for {without_s:.1f} s: hover"
+
+    def _watch_follow(self, seen: Seen, t_ns: int) -> None:
+        """Hover at once without a request; a chase that was taken over is handed back, or ended in time."""
+        if self.verdict.source == "follow":
+            self._target_ns = t_ns
+            self.machine.reason = "obeying the follower"
+        if self._taken_over_ns is not None:
+            if self._handed_back(seen, t_ns):
+                return
+            alone_s = (t_ns - self._taken_over_ns) / 1e9
+            unseen_s = (t_ns - self._target_ns) / 1e9
+            if alone_s > self.config.follow_without_link_s or unseen_s > self.config.link_loss_after_s:
+                action = self.config.link_loss_action
+                self.fire(
+                    _LOSS_EVENTS[action], f"nothing from the chase for {alone_s:.0f} s: {action}", seen.telemetry, t_ns
+                )
+                return
+            self.machine.reason = f"no link for {alone_s:.0f} s: following the chase's target"
+        without_s = (t_ns - self._target_ns) / 1e9
+        if without_s > self.config.containment.chase_without_target_s:
+            self.fire(Event.TARGET_AWAY, f"no target for {without_s:.0f} s: hold", seen.telemetry, t_ns)
+        elif self.verdict.source == "helm":
+            self.machine.reason = f"no fresh request from the follower for {without_s:.1f} s: hover"
+
+    def _handed_back(self, seen: Seen, t_ns: int) -> bool:
+        """Give a chase that has been back with its target for long enough its vehicle again."""
+        chase, track = seen.pursuit, seen.track
+        back = chase is not None and fault(chase, t_ns, self.config.freshness_s) is None
+        if not back or track is None or not track.tracking or track.age_s > self.config.freshness_s:
+            self._chase_back_ns = None
+            return False
+        if self._chase_back_ns is None:
+            self._chase_back_ns = t_ns
+        if (t_ns - self._chase_back_ns) / 1e9 < self.config.hand_back_after_s:
+            return False
+        return self.fire(Event.HANDED_BACK, "the chase is back with its target", seen.telemetry, t_ns)
 
     def _watch_task(self, task: str, seen: Seen, t_ns: int) -> None:
         """Hover at once without a request, its target being lost or its way flown; after the configured time, hold."""
@@ -334,6 +381,14 @@ class Flight:
             return False
         self._last_basis_ns = max(self.verdict.basis_ns, self._last_basis_ns)
         return True
+
+
+def _chase_speaks(seen: Seen, t_ns: int) -> bool:
+    """Whether anything has come from the chase of late: a request, or a word of its tracker."""
+    spoke_ns = [seen.pursuit.received_ns] if seen.pursuit else []
+    if seen.track is not None:
+        spoke_ns.append(t_ns - int(seen.track.age_s * 1e9))
+    return any((t_ns - ns) / 1e9 < _LINK_ALIVE_S for ns in spoke_ns)
 
 
 def _moves(candidate: Candidate | None) -> bool:

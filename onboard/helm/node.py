@@ -37,7 +37,7 @@ from onboard.limiter.map import NOTHING_KNOWN, ObstacleMap
 from onboard.limiter.status import limiter_status
 from onboard.limiter.surroundings import Surroundings
 
-_SOURCES = ("operator", "pursuit", "approach", "search")
+_SOURCES = ("operator", "pursuit", "follow", "approach", "search")
 _REQUESTS = tuple(f"helm/request/{source}" for source in _SOURCES)
 _OBSTACLES = ("obstacles/depth", "obstacles/people", "obstacles/circles")
 _STATUS_PERIOD_S = 0.2
@@ -150,6 +150,7 @@ class HelmNode(Node):
             results=tuple(self._link.results()) if results else (),
             operator=_candidate(inputs, "operator"),
             pursuit=_candidate(inputs, "pursuit"),
+            follow=_candidate(inputs, "follow"),
             approach=_candidate(inputs, "approach"),
             search=_candidate(inputs, "search"),
             around=self._around(inputs, t_ns),

@@ -34,6 +34,8 @@ class Seen:
     """Newest request of the operator."""
     pursuit: Candidate | None = None
     """Newest request of the chase."""
+    follow: Candidate | None = None
+    """Newest request of the vehicle's own follower."""
     approach: Candidate | None = None
     """Newest request of the approach."""
     search: Candidate | None = None

@@ -23,6 +23,8 @@ class State(StrEnum):
     """Hovering at an anchor."""
     PURSUIT = "pursuit"
     """Obeying the chase."""
+    FOLLOW = "follow"
+    """Obeying the vehicle's own follower of a target."""
     APPROACH = "approach"
     """Obeying the approach to a person or an obstacle."""
     SEARCH = "search"
@@ -56,6 +58,7 @@ class Event(StrEnum):
     ENGAGE_FAILED = "control refused"
     HOLD = "hold"
     CHASE = "chase"
+    FOLLOW = "follow"
     APPROACH = "approach"
     SEARCH = "search"
     STICK = "operator moves the stick"
@@ -71,11 +74,13 @@ class Event(StrEnum):
     LINK_LOST_RETURN = "link lost, action return"
     LINK_LOST_LAND = "link lost, action land"
     LINK_LOST_HOVER = "link lost, action hover"
+    TAKEN_OVER = "link lost, the follower takes over"
+    HANDED_BACK = "link back, handed back to the chase"
 
 
 _S, _E = State, Event
 
-_IN_CONTROL = (_S.HOLD, _S.PURSUIT, _S.APPROACH, _S.SEARCH, _S.OPERATOR, _S.RETURNING)
+_IN_CONTROL = (_S.HOLD, _S.PURSUIT, _S.FOLLOW, _S.APPROACH, _S.SEARCH, _S.OPERATOR, _S.RETURNING)
 """States in which helm's setpoints fly the vehicle."""
 
 
@@ -92,10 +97,16 @@ def _table() -> dict[tuple[State, Event], State]:
         (_S.ENGAGING, _E.ENGAGED): _S.HOLD,
         (_S.ENGAGING, _E.ENGAGE_FAILED): _S.YIELDED,
         (_S.HOLD, _E.CHASE): _S.PURSUIT,
+        (_S.HOLD, _E.FOLLOW): _S.FOLLOW,
         (_S.HOLD, _E.APPROACH): _S.APPROACH,
         (_S.HOLD, _E.SEARCH): _S.SEARCH,
         (_S.HOLD, _E.STICK): _S.OPERATOR,
         (_S.PURSUIT, _E.STICK): _S.OPERATOR,
+        (_S.PURSUIT, _E.FOLLOW): _S.FOLLOW,
+        (_S.PURSUIT, _E.TAKEN_OVER): _S.FOLLOW,
+        (_S.FOLLOW, _E.STICK): _S.OPERATOR,
+        (_S.FOLLOW, _E.CHASE): _S.PURSUIT,
+        (_S.FOLLOW, _E.HANDED_BACK): _S.PURSUIT,
         (_S.APPROACH, _E.STICK): _S.OPERATOR,
         (_S.APPROACH, _E.TARGET_AWAY): _S.HOLD,
         (_S.APPROACH, _E.SEARCH): _S.SEARCH,
@@ -103,11 +114,10 @@ def _table() -> dict[tuple[State, Event], State]:
         (_S.SEARCH, _E.TARGET_AWAY): _S.HOLD,
         (_S.SEARCH, _E.APPROACH): _S.APPROACH,
         (_S.PURSUIT, _E.TARGET_AWAY): _S.HOLD,
-        (_S.PURSUIT, _E.LINK_LOST_RETURN): _S.RETURNING,
-        (_S.PURSUIT, _E.LINK_LOST_LAND): _S.LANDING,
-        (_S.PURSUIT, _E.LINK_LOST_HOVER): _S.HOLD,
+        (_S.FOLLOW, _E.TARGET_AWAY): _S.HOLD,
         (_S.OPERATOR, _E.STICK_RELEASED): _S.HOLD,
         (_S.OPERATOR, _E.CHASE): _S.PURSUIT,
+        (_S.OPERATOR, _E.FOLLOW): _S.FOLLOW,
         (_S.OPERATOR, _E.APPROACH): _S.APPROACH,
         (_S.OPERATOR, _E.SEARCH): _S.SEARCH,
         (_S.RETURNING, _E.HOME_REACHED): _S.LANDING,
@@ -117,6 +127,10 @@ def _table() -> dict[tuple[State, Event], State]:
         (_S.YIELDED, _E.ENGAGE): _S.ENGAGING,
         (_S.FAILSAFE, _E.TELEMETRY_BACK): _S.YIELDED,
     }
+    for state in (_S.PURSUIT, _S.FOLLOW):
+        table[state, _E.LINK_LOST_RETURN] = _S.RETURNING
+        table[state, _E.LINK_LOST_LAND] = _S.LANDING
+        table[state, _E.LINK_LOST_HOVER] = _S.HOLD
     for state in _IN_CONTROL:
         table[state, _E.HOLD] = _S.HOLD
         table[state, _E.LAND] = _S.LANDING

@@ -48,7 +48,7 @@ def test_a_running_system_is_well_and_a_dead_autopilot_is_found_with_its_cure(
     assert code == 0, said
     assert well["link to the vehicle"]["severity"] == "ok"
     seen = set(well["nodes seen by the ground router"]["found"].split(", "))
-    assert seen >= {"approach", "camera", "console", "helm", "proximity", "pursuit", "recorder"}, said
+    assert seen >= {"approach", "camera", "follow", "console", "helm", "proximity", "pursuit", "recorder"}, said
     assert f"held by helm, process {stack.pid('helm')}" in well[f"UDP port {stack.helm_port}"]["found"]
     assert {well[name]["severity"] for name in ("helm", "gate: link", "pictures", "autopilot's clock")} <= {
         "ok",

@@ -214,6 +214,7 @@ class Desk:
         self.operator: Request | None = None
         self.approach: Request | None = None
         self.search: Request | None = None
+        self.follow: Request | None = None
         self.tracking: str | None = None
         self.obstacles: list[Obstacle] | None = None
         self.setpoints: list[Setpoint] = []
@@ -240,6 +241,8 @@ class Desk:
             self.feed("helm/request/pursuit", self.pursuit)
         if self.operator is not None:
             self.feed("helm/request/operator", self.operator)
+        if self.follow is not None:
+            self.feed("helm/request/follow", self.follow)
         if self.approach is not None:
             self.feed("helm/request/approach", self.approach)
         if self.search is not None:

@@ -1,0 +1,185 @@
+"""From pictures to a request: fused trackers, the target's place, the law. No bus, no thread; the node feeds it."""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.config import Config
+from common.geometry.camera import Camera
+from common.messages import Request, Track
+from common.tracking.base import Box
+from onboard.follow.config import FollowConfig
+from onboard.follow.law import FollowLaw, Vehicle
+from onboard.follow.sight import Sight, TargetPlace, looks_ahead
+from onboard.fusion.center import Fused
+from onboard.fusion.config import FusionConfig, HabDfConfig
+from onboard.fusion.depth import DepthConfig
+from onboard.fusion.live import LiveHabDf
+from onboard.fusion.members import MemberPool
+from onboard.proximity.pose import Pose
+
+log = logging.getLogger(__name__)
+_KEPT_PICTURES = 16
+_LATEST_NS = 100_000_000
+
+
+class Followed(NamedTuple):
+    """What one picture gave."""
+
+    track: Track
+    """The fused target."""
+    request: Request | None
+    """What to ask of helm; None without a target, a pose, or once it has been away for too long."""
+
+
+class Follower:
+    """Follows one target.
+
+    Args:
+        config: all sections.
+        camera: calibration of the pictures that are followed.
+
+    Raises:
+        ConfigError: unknown tracker.
+    """
+
+    def __init__(self, config: Config, camera: Camera):
+        self._config = config.section(FollowConfig)
+        self._depth = config.section(DepthConfig)
+        self._camera = camera
+        names = config.section(HabDfConfig).members
+        pool = MemberPool(names, config, self._config.seed, camera.width * camera.height * 3)
+        settings = self._config
+        self.fusion = LiveHabDf(pool, config.section(FusionConfig), settings.answer_within_s, settings.frozen_after_s)
+        """The fused trackers."""
+        self._law = FollowLaw(settings, looks_ahead(camera))
+        self._sight = Sight(camera, settings, self._depth)
+        self._place = TargetPlace(settings)
+        self._pictures: deque[tuple[int, np.ndarray]] = deque(maxlen=_KEPT_PICTURES)
+        self._measured_ns = 0
+        self.active = False
+        """Whether there is a target."""
+
+    def calibrate(self, camera: Camera) -> None:
+        """Take another calibration; pictures larger than the trackers' memory are refused later, by name."""
+        if camera != self._camera:
+            self._camera = camera
+            self._sight = Sight(camera, self._config, self._depth)
+
+    def picture_at(self, capture_ns: int) -> tuple[int, np.ndarray] | None:
+        """The kept picture of this stamp (0: the newest), ns; None when it is not kept."""
+        if not self._pictures:
+            return None
+        if not capture_ns:
+            return self._pictures[-1]
+        best = min(self._pictures, key=lambda p: abs(p[0] - capture_ns))
+        return best if abs(best[0] - capture_ns) <= _LATEST_NS else None
+
+    def keep(self, frame: np.ndarray, t_ns: int) -> None:
+        """Keep a picture for a selection that names it."""
+        self._pictures.append((t_ns, frame))
+
+    def select(self, box: Box, angle_rad: float, capture_ns: int) -> None:
+        """Take what a kept picture shows in a box as the target, in that picture.
+
+        Args:
+            box: x, y, width, height before the rotation, px.
+            angle_rad: its rotation, rad; the trackers start on the upright box.
+            capture_ns: the picture's stamp, ns; 0: the newest.
+
+        Raises:
+            ValueError: no such picture, or a box that cannot be one.
+        """
+        found = self.picture_at(capture_ns)
+        if found is None:
+            raise ValueError("got a box on a picture that is not kept; draw it on the live picture")
+        t_ns, frame = found
+        if frame.size > self.fusion.pool.size:
+            raise ValueError(
+                f"got a picture of {frame.shape[1]}x{frame.shape[0]} px, larger than the camera's of the vehicle file; "
+                "set its width and height there"
+            )
+        self.fusion.select(frame, box, angle_rad, t_ns)
+        self._law.reset()
+        self._place.reset()
+        self._sight = Sight(self._camera, self._config, self._depth)
+        self._measured_ns = 0
+        self.active = True
+
+    def drop(self) -> None:
+        """Forget the target."""
+        self.active = False
+        self.fusion.drop()
+
+    def unobeyed(self) -> None:
+        """Helm flies something else: the next request begins at the vehicle's own velocity."""
+        self._law.restart()
+
+    def step(
+        self,
+        frame: np.ndarray,
+        t_ns: int,
+        pose: Pose | None,
+        vehicle: Vehicle | None,
+        depth_m: NDArray[np.float64] | None = None,
+    ) -> Followed:
+        """One picture, (H, W, 3) uint8 BGR, of a stamp, ns.
+
+        Args:
+            frame: the picture.
+            t_ns: its capture stamp.
+            pose: the vehicle then; None while unknown: the target is tracked and nothing is asked.
+            vehicle: the vehicle then, with its rates.
+            depth_m: depth picture that belongs to it, (h, w), m, at any size; None without.
+        """
+        fused = self.fusion.step(frame, t_ns)
+        box = self.fusion.box
+        why_not = "" if pose is not None and vehicle is not None else "no vehicle state for this picture"
+        if fused.state == "tracking" and box is not None and pose is not None:
+            patch = None if depth_m is None else _inside(depth_m, box, frame.shape)
+            found = self._sight.place(t_ns, box, pose, patch)
+            if found is None:
+                why_not = self._sight.why_not
+            else:
+                self._place.measure(found, t_ns)
+                self._measured_ns = t_ns
+        request = None
+        state = self._place.at(t_ns)
+        away_s = (t_ns - self._measured_ns) / 1e9
+        if state is not None and vehicle is not None and away_s <= self._config.coast_s:
+            request = self._law.ask(state, vehicle, t_ns)
+        elif not why_not:
+            why_not = f"target not seen for {min(away_s, 999.0):.1f} s"
+        return Followed(_track(fused, box, "" if request is not None else why_not), request)
+
+    def close(self) -> None:
+        """End the trackers."""
+        self.fusion.close()
+
+
+def _inside(depth_m: NDArray[np.float64], box: Box, shape: tuple[int, ...]) -> NDArray[np.float64] | None:
+    """Depth inside a box of the colour picture; None where the box is outside."""
+    sy, sx = depth_m.shape[0] / shape[0], depth_m.shape[1] / shape[1]
+    left, right = max(0, int(box[0] * sx)), min(depth_m.shape[1], int((box[0] + box[2]) * sx) + 1)
+    top, bottom = max(0, int(box[1] * sy)), min(depth_m.shape[0], int((box[1] + box[3]) * sy) + 1)
+    return depth_m[top:bottom, left:right] if right > left and bottom > top else None
+
+
+def _track(fused: Fused, box: Box | None, reason: str) -> Track:
+    if box is None:
+        return Track(state="lost", reason=reason or "nothing measured yet")
+    return Track(
+        state="tracking" if fused.state == "tracking" else "lost",
+        x_px=box[0] + box[2] / 2,
+        y_px=box[1] + box[3] / 2,
+        width_px=box[2],
+        height_px=box[3],
+        distance=1.0 - fused.confidence,
+        distance_limit=0.5,
+        reason=reason,
+    )

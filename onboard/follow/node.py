@@ -1,0 +1,225 @@
+"""The follow node: pictures in, the fused target and a request for motion out, all on the vehicle."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from common.config import Config
+from common.geometry.camera import Camera
+from common.geometry.config import CamerasConfig
+from common.geometry.rotation import euler_from_quat
+from common.header import Received
+from common.messages import CameraInfo, HelmStatus, Image, Reply, Track, VehicleState
+from common.node import CommandCall, Inputs, Node, On, Output
+from common.tracking.base import Box
+from onboard.follow.config import FollowConfig
+from onboard.helm.config import HelmConfig
+from onboard.proximity.pose import PoseTrack
+
+if TYPE_CHECKING:
+    from onboard.follow.follower import Follower
+
+log = logging.getLogger(__name__)
+_READY_S = 12.0
+_TOLD_NS = 200_000_000
+_SAME_MOMENT_NS = 60_000_000
+
+
+class FollowNode(Node):
+    """Follows what the operator chose for it, or, beside a chase, what the chase follows, so that it can take over.
+
+    Its trackers are processes of their own, begun with the first target, or at once where helm is to hand over to it.
+
+    Args:
+        config: all sections.
+        name: node name.
+    """
+
+    outputs = ("helm/request/follow", "follow/track")
+    commands = ("follow/do/select", "follow/do/stop")
+
+    def __init__(self, config: Config, name: str):
+        super().__init__(config, name)
+        self._settings = config.section(FollowConfig)
+        self._beside_chase = config.section(HelmConfig).follow_on_link_loss
+        camera = self._settings.camera
+        section = config.section(CamerasConfig).by_name()[camera]
+        self._camera: Camera = section.camera()
+        self._camera_info: CameraInfo | None = None
+        self._raw, self._info = f"camera/{camera}/raw", f"camera/{camera}/info"
+        self._depth = f"camera/{camera}/depth" if section.depth is not None else None
+        self.inputs = (
+            self._raw,
+            self._info,
+            "helm/state",
+            "helm/status",
+            "pursuit/track",
+            *([self._depth] if self._depth else []),
+        )
+        self.trigger = On((self._raw,), at_least_every_s=0.1)
+        self._follower: Follower | None = None
+        self._poses = PoseTrack()
+        self._state: VehicleState | None = None
+        self._taken: Received[Image] | None = None
+        self._chosen = False
+        """Whether the operator chose the target; else it is the chase's."""
+        self._apart_ns: int | None = None
+        self._told_ns = 0
+
+    def step(self, inputs: Inputs, t_ns: int) -> Iterable[Output]:
+        """One picture: track, look, ask."""
+        for received in inputs.drain("helm/state", VehicleState):
+            self._poses.add(received.header.capture_ns, received.message)
+            self._state = received.message
+        if self._beside_chase and self._follower is None:
+            self._begin()
+        picture = inputs.latest(self._raw, Image)
+        if picture is None or picture is self._taken or self._follower is None:
+            return self._idle(t_ns)
+        self._taken = picture
+        follower, capture_ns = self._follower, picture.header.capture_ns
+        info = inputs.peek(self._info, CameraInfo)
+        if info is not None and info.message != self._camera_info:
+            self._camera_info = info.message
+            follower.calibrate(Camera.from_info(info.message))
+        message = picture.message
+        frame = np.frombuffer(message.data, np.uint8).reshape(message.height, message.width, 3)
+        follower.keep(frame, capture_ns)
+        if self._beside_chase and not self._chosen:
+            self._beside(follower, inputs)
+        if not follower.active:
+            return self._idle(t_ns)
+        status = inputs.peek("helm/status", HelmStatus)
+        if status is None or status.message.source != "follow":
+            follower.unobeyed()
+        return self._follow(follower, inputs, frame, capture_ns)
+
+    def _follow(self, follower: Follower, inputs: Inputs, frame: np.ndarray, capture_ns: int) -> Iterable[Output]:
+        from onboard.follow.law import Vehicle
+
+        pose, vehicle = self._poses.at(capture_ns), None
+        if pose is not None and self._state is not None:
+            yaw_rad = euler_from_quat(pose.ned_q_body)[2]
+            rate = self._state.body_rates_rad_s[2]
+            vehicle = Vehicle(pose.ned_p_m, np.array(self._state.ned_v_m_s), yaw_rad, rate)
+        try:
+            followed = follower.step(frame, capture_ns, pose, vehicle, self._depth_at(inputs, capture_ns))
+        except ValueError as error:
+            follower.drop()
+            log.warning("the target is dropped: %s", error)
+            return [Output("follow/track", Track(state="idle", reason=str(error)), capture_ns)]
+        outputs = [Output("follow/track", followed.track, capture_ns)]
+        if followed.request is not None:
+            outputs.insert(0, Output("helm/request/follow", followed.request, capture_ns))
+        return outputs
+
+    def on_command(self, call: CommandCall, inputs: Inputs, t_ns: int) -> Iterable[Output]:
+        """`select` a target by its box, or `stop`."""
+        if call.name == "follow/do/stop":
+            self._chosen = False
+            if self._follower is not None:
+                self._follower.drop()
+            call.reply(Reply(outcome="done", reason="nothing is followed now"))
+            return ()
+        box = call.command.box_px
+        if box is None:
+            call.reply(Reply(outcome="refused", reason="select: got no box, expected x, y, width, height in px"))
+            return ()
+        follower = self._follower or self._begin()
+        picture = inputs.latest(self._raw, Image)
+        if picture is not None and picture is not self._taken:
+            self._taken = picture
+            shape = (picture.message.height, picture.message.width, 3)
+            follower.keep(np.frombuffer(picture.message.data, np.uint8).reshape(shape), picture.header.capture_ns)
+        if not follower.fusion.pool.await_ready(_READY_S):
+            call.reply(Reply(outcome="failed", reason="select: the trackers did not start; see this node's log"))
+            return ()
+        try:
+            follower.select(box, call.command.angle_rad, call.command.capture_ns)
+        except ValueError as error:
+            call.reply(Reply(outcome="refused", reason=f"select: {error}"))
+            return ()
+        self._chosen = True
+        call.reply(Reply(outcome="done", reason="`follow` obeys it"))
+        return ()
+
+    def metrics(self) -> dict[str, float]:
+        """Trackers that see the target, were begun anew, or came late."""
+        if self._follower is None:
+            return {}
+        fusion = self._follower.fusion
+        per_member = {f"restarts_{n}": float(m.restarts) for n, m in fusion.pool.members.items()}
+        pids = {f"pid_{n}": float(m.pid) for n, m in fusion.pool.members.items()}
+        return {"late_answers": float(fusion.late), **per_member, **pids}
+
+    def close(self) -> None:
+        """End the trackers."""
+        if self._follower is not None:
+            self._follower.close()
+
+    def _begin(self) -> Follower:
+        # Imported here: on a vehicle that follows nothing, filters and trackers would cost a second and 100 MB.
+        from onboard.follow.follower import Follower
+
+        self._follower = Follower(self.config, self._camera)
+        return self._follower
+
+    def _idle(self, t_ns: int) -> Iterable[Output]:
+        active = self._follower is not None and self._follower.active
+        if active or t_ns - self._told_ns < _TOLD_NS:
+            return ()
+        self._told_ns = t_ns
+        return [Output("follow/track", Track(state="idle", reason="no target"))]
+
+    def _depth_at(self, inputs: Inputs, capture_ns: int) -> np.ndarray | None:
+        """Depth picture of that moment, (h, w), m; None without one."""
+        received = inputs.latest(self._depth, Image) if self._depth else None
+        if received is None or abs(received.header.capture_ns - capture_ns) > _SAME_MOMENT_NS:
+            return None
+        message = received.message
+        return np.frombuffer(message.data, "<u2").reshape(message.height, message.width) / 1e3
+
+    def _beside(self, follower: Follower, inputs: Inputs) -> None:
+        """Track what the chase tracks: begin on it, and anew when the two have been apart for long."""
+        received = inputs.latest("pursuit/track", Track)
+        if received is None or received.message.state != "tracking":
+            self._apart_ns = None
+            return
+        track, capture_ns = received.message, received.header.capture_ns
+        box = _upright(track)
+        if follower.active and not _apart(follower.fusion.box, box, self._settings.hand_over_gap):
+            self._apart_ns = None
+            return
+        if follower.active:
+            self._apart_ns = self._apart_ns or capture_ns
+            if capture_ns - self._apart_ns < self._settings.hand_over_after_s * 1e9:
+                return
+        if not follower.fusion.pool.ready and not follower.fusion.pool.await_ready(0.0):
+            return
+        try:
+            follower.select(box, 0.0, capture_ns)
+        except ValueError as error:
+            log.info("beside the chase: %s", error)
+        self._apart_ns = None
+
+
+def _upright(track: Track) -> Box:
+    """Upright box around the ellipse in the chase's rectangle, px."""
+    c, s = np.cos(track.angle_rad), np.sin(track.angle_rad)
+    across = float(np.hypot(track.width_px * c, track.height_px * s))
+    down = float(np.hypot(track.width_px * s, track.height_px * c))
+    return track.x_px - across / 2, track.y_px - down / 2, across, down
+
+
+def _apart(mine: Box | None, theirs: Box, gap: float) -> bool:
+    """Whether two boxes' centres differ by more than so many target sizes."""
+    if mine is None:
+        return True
+    centres = np.hypot(
+        mine[0] + mine[2] / 2 - theirs[0] - theirs[2] / 2, mine[1] + mine[3] / 2 - theirs[1] - theirs[3] / 2
+    )
+    return bool(centres > gap * np.sqrt(theirs[2] * theirs[3]))

@@ -1,0 +1,134 @@
+"""HAB-DF over trackers in processes of their own: asynchronous, with late answers at their own capture time."""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+
+import numpy as np
+
+from common.tracking.base import Box, check_box, check_frame
+from onboard.fusion.center import Fused, Fusion
+from onboard.fusion.config import FusionConfig
+from onboard.fusion.members import Ask, MemberPool
+from onboard.fusion.source import Measurement
+from onboard.fusion.tracker import measurement_of, source_of
+
+log = logging.getLogger(__name__)
+_LEAST_SIDE_PX = 6.0
+_IDLE_S = 0.5
+
+
+class LiveHabDf:
+    """The fusion centre, asked picture by picture; its trackers work beside it.
+
+    Args:
+        pool: the trackers.
+        config: of the fusion.
+        answer_within_s: how long a picture waits for its answers, s.
+        frozen_after_s: a tracker that has not answered for so long is begun anew, s.
+    """
+
+    def __init__(self, pool: MemberPool, config: FusionConfig, answer_within_s: float, frozen_after_s: float):
+        self.pool = pool
+        self._config = config
+        self._answer_within_s, self._frozen_after_s = answer_within_s, frozen_after_s
+        self._fusion: Fusion | None = None
+        self._size = (1.0, 1.0)
+        self._wanted: dict[str, int] = {}
+        self.late = 0
+        """Answers that came with a later picture than their own."""
+        self.begun_anew: dict[str, str] = {}
+        """Why each tracker was begun anew, by name, for the newest time."""
+
+    def select(self, frame: np.ndarray, box: Box, angle_rad: float, t_ns: int) -> None:
+        """Start every tracker on a target; one that is not ready follows as soon as it is.
+
+        Raises:
+            ValueError: no colour picture, or a box that is degenerate or not in the picture.
+        """
+        check_frame(frame)
+        check_box(frame, box, angle_rad)
+        self.pool.collect(_IDLE_S)
+        self._fusion = Fusion([source_of(name) for name in self.pool.members], self._config)
+        self._fit(box[2], box[3])
+        self._wanted = {}
+        for member in self.pool.members.values():
+            member.started = False
+            member.ask(Ask("init", t_ns, frame.shape, box, angle_rad), frame)
+
+    def drop(self) -> None:
+        """Forget the target."""
+        self._fusion = None
+
+    @property
+    def box(self) -> Box | None:
+        """The fused box of the last step, px; None before any."""
+        fused = self._fused
+        if fused is None or fused.state == "waiting":
+            return None
+        u, v = float(fused.value[0]), float(fused.value[1])
+        return u - self._size[0] / 2, v - self._size[1] / 2, *self._size
+
+    _fused: Fused | None = None
+
+    def step(self, frame: np.ndarray, t_ns: int) -> Fused:
+        """Fused answer for a picture, (H, W, 3) uint8 BGR, from what has been answered so far.
+
+        Raises:
+            ValueError: no target.
+        """
+        if self._fusion is None:
+            raise ValueError("fusion: step without a target; select one first")
+        answers = dict(self.pool.collect(0.0))
+        for member in self.pool.members.values():
+            if member.started:
+                member.ask(Ask("update", t_ns, frame.shape), frame)
+        answers |= dict(self.pool.collect(self._answer_within_s))
+        measurements = []
+        for name, answer in answers.items():
+            self.late += answer.t_ns < t_ns
+            if answer.result is not None:
+                measurements.append(measurement_of(name, answer.result, answer.t_ns))
+            elif answer.error:
+                measurements.append(Measurement(name, answer.t_ns, None))
+        fused = self._fused = self._fusion.step(measurements, t_ns)
+        if fused.state == "tracking":
+            self._fit(float(fused.value[3]), float(fused.value[2]))
+        self._tend(fused, frame, t_ns)
+        return fused
+
+    def _fit(self, width: float, height: float) -> None:
+        self._size = (max(width, _LEAST_SIDE_PX), max(height, _LEAST_SIDE_PX))
+        if self._fusion is not None:
+            self._fusion.unit = np.full(4, math.sqrt(self._size[0] * self._size[1]))
+
+    def _tend(self, fused: Fused, frame: np.ndarray, t_ns: int) -> None:
+        """Begin dead and frozen trackers anew; put those that have drifted, or have no target, on the fused answer."""
+        for name, member in self.pool.members.items():
+            why = member.tend(self._frozen_after_s)
+            if why:
+                self.begun_anew[name] = why
+                log.warning("tracker %s %s; begun anew", name, why)
+        now_ns = time.monotonic_ns()
+        self._wanted.update(dict.fromkeys(fused.restart, now_ns))
+        box = self.box
+        if fused.state != "tracking" or box is None or self._fusion is None:
+            return
+        try:
+            check_box(frame, box, 0.0)
+        except ValueError:
+            return  # the box leaves the picture: there is nothing to start on yet
+        for name, member in self.pool.members.items():
+            recent = now_ns - self._wanted.get(name, -(10**18)) < 1e9 * self._config.restart_every_s
+            if not member.started:
+                if member.ask(Ask("init", t_ns, frame.shape, box), frame):
+                    self._fusion.forget(name)
+            elif recent and member.ask(Ask("place", t_ns, frame.shape, box), frame):
+                del self._wanted[name]
+                self._fusion.forget(name)
+
+    def close(self) -> None:
+        """End the trackers."""
+        self.pool.close()

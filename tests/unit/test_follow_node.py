@@ -1,0 +1,152 @@
+"""The follow node with scripted inputs and its real trackers: a choice, a follow, a chase beside which it tracks."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+import pytest
+
+from benchmarks.painted_scene import Pose, Scene, straight
+from common.messages import Command, HelmStatus, Image, Request, Track, VehicleState
+from common.node import Output, ScriptedRun
+from common.processes import load_config
+from onboard.follow.node import FollowNode
+
+S = 1_000_000_000
+SETTINGS = ('hab_df.members=["dsst"]', "follow.answer_within_s=2.0", "follow.frozen_after_s=20.0")
+
+
+class Rig:
+    """The node on a vehicle that hovers 5 m up, above a car that drives along a row of the picture."""
+
+    def __init__(self, *settings: str):
+        self.node = FollowNode(load_config("kite", [*SETTINGS, *settings]), "follow")
+        self.run = ScriptedRun(self.node)
+        self.frames = Scene(straight(60.0, start_px=260.0), seed=2).frames(10.0)
+        self.t_ns = 0
+        self.pose = Pose(0.0, 0.0)
+
+    def picture(self) -> list[Output]:
+        """Feed the next picture and a state, and step."""
+        stamp_ns, frame, self.pose = next(self.frames)
+        self.t_ns = S + stamp_ns
+        state = VehicleState(
+            ned_p_m=(0.0, 0.0, -5.0),
+            ned_v_m_s=(0.0, 0.0, 0.0),
+            ned_q_body=(1.0, 0.0, 0.0, 0.0),
+            body_rates_rad_s=(0.0, 0.0, 0.0),
+            armed=True,
+            in_air=True,
+            mode="OFFBOARD",
+            battery_fraction=0.9,
+        )
+        self.run.feed("helm/state", state, self.t_ns)
+        raw = Image(camera="down", width=640, height=480, encoding="bgr8", data=frame.tobytes())
+        self.run.feed("camera/down/raw", raw, self.t_ns)
+        return self.run.step(self.t_ns + 1_000_000)
+
+    def call(self, name: str, command: Command) -> str:
+        call, _ = self.run.call(f"follow/do/{name}", command, self.t_ns)
+        assert call.answer is not None
+        return f"{call.answer.outcome}: {call.answer.reason}"
+
+    def requests(self, count: int) -> list[Request]:
+        found = []
+        for _ in range(count):
+            found += [o.message for o in self.picture() if isinstance(o.message, Request)]
+        return found
+
+    def target(self) -> Track:
+        """The track of the next picture."""
+        return next(o.message for o in self.picture() if isinstance(o.message, Track))
+
+
+def test_without_a_target_nothing_is_asked_and_no_tracker_runs() -> None:
+    rig = Rig()
+    told = [o for _ in range(12) for o in rig.picture()]
+    assert {o.topic for o in told} == {"follow/track"} and 2 <= len(told) <= 4, "five a second"
+    assert rig.node.metrics() == {}
+    assert rig.call("select", Command()) == "refused: select: got no box, expected x, y, width, height in px"
+    assert rig.call("stop", Command()).startswith("done")
+
+
+@pytest.mark.slow
+def test_what_was_chosen_is_followed_until_it_is_away_for_long() -> None:
+    rig = Rig()
+    try:
+        rig.picture()
+        late = rig.call("select", Command(box_px=rig.pose.box(), capture_ns=rig.t_ns + S))
+        assert late == "refused: select: got a box on a picture that is not kept; draw it on the live picture"
+        assert rig.call("select", Command(box_px=rig.pose.box(), capture_ns=rig.t_ns)).startswith("done")
+        asked = rig.requests(30)
+        assert len(asked) >= 28, "from the second picture on"
+        # 60 px/s to the right at 4.7 m above the target's top, 440 px focal length: 0.64 m/s east.
+        rig.run.feed("helm/status", _status("follow"), rig.t_ns)
+        asked = rig.requests(30)
+        east_m_s = 60.0 / 440.0 * 4.65
+        assert asked[-1].vector[1] > east_m_s - 0.1, "as fast as the car, and what it takes to come above it"
+        track = rig.target()
+        assert track.state == "tracking" and math.hypot(track.x_px - rig.pose.x_px, track.y_px - rig.pose.y_px) < 6.0
+        assert rig.call("stop", Command()).startswith("done")
+        assert rig.requests(3) == []
+    finally:
+        rig.node.close()
+
+
+@pytest.mark.slow
+def test_beside_a_chase_it_tracks_what_the_chase_tracks() -> None:
+    rig = Rig("helm.follow_on_link_loss=true")
+    try:
+        rig.picture()
+        end = time.monotonic() + 40.0
+        while rig.node._follower is None or not rig.node._follower.fusion.pool.await_ready(0.1):
+            assert time.monotonic() < end
+        rig.picture()
+        _chase(rig)
+        assert rig.requests(10), "it asks beside the chase"
+        track = rig.target()
+        assert abs(track.x_px - rig.pose.x_px) < 8.0
+        for _ in range(20):  # the chase moves on to something else, and the follower after it
+            _chase(rig, aside_px=150.0)
+            rig.picture()
+        assert abs(rig.target().y_px - rig.pose.y_px) > 75.0
+    finally:
+        rig.node.close()
+
+
+def _chase(rig: Rig, aside_px: float = 0.0) -> None:
+    x, y, width, height = rig.pose.box()
+    track = Track(
+        state="tracking", x_px=x + width / 2, y_px=y + height / 2 + aside_px, width_px=width, height_px=height
+    )
+    rig.run.feed("pursuit/track", track, rig.t_ns)
+
+
+def _status(source: str) -> HelmStatus:
+    return HelmStatus(
+        state=source,
+        source=source,
+        reason="",
+        streaming=True,
+        mode="OFFBOARD",
+        armed=True,
+        in_air=True,
+        limiter_zone="safe",
+        limiter_distance_m=-1.0,
+        request_age_ms=0.0,
+    )
+
+
+def test_a_depth_picture_belongs_to_its_moment() -> None:
+    node = FollowNode(load_config("heron", ["follow.camera=front"]), "follow")
+    run = ScriptedRun(node)
+    depth = np.full((240, 320), 2500, "<u2")
+    image = Image(camera="front", width=320, height=240, encoding="depth_mm", data=depth.tobytes())
+    run.feed("camera/front/depth", image, S)
+    from common.node import Inputs
+
+    near, far = node._depth_at(Inputs(run.store, S), S + 20_000_000), node._depth_at(Inputs(run.store, S), 2 * S)
+    assert near is not None and near.shape == (240, 320) and near[0, 0] == 2.5
+    assert far is None
