@@ -38,6 +38,8 @@ class Settings:
     """Folder for PNG plots; None for none."""
     sequences: Path | None = None
     """Folder of real sequences with ground truth; None for none. Only `fusion` reads it."""
+    platform: str | None = None
+    """`follow`: one of its platforms; None for all."""
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from pathlib import Path
 from benchmarks import (
     autopilot,
     chase,
+    follow,
     fusion,
     fusion_depth,
     fusion_signal,
@@ -42,6 +43,7 @@ BENCHMARKS: dict[str, Benchmark] = {
         fusion_signal.BENCHMARK,
         fusion_depth.BENCHMARK,
         fusion_speed.BENCHMARK,
+        follow.BENCHMARK,
         autopilot.BENCHMARK,
         limiter.BENCHMARK,
         limiter_encounters.BENCHMARK,
@@ -62,6 +64,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--list", action="store_true", help="name the benchmarks")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--quick", action="store_true", help="within 60 s: shorter, never easier")
+    parser.add_argument("--platform", metavar="NAME", help="follow: uav, pan-tilt or ground; all without it")
     parser.add_argument("--json", type=Path, metavar="FILE")
     parser.add_argument("--plots", type=Path, metavar="DIR")
     parser.add_argument(
@@ -83,7 +86,7 @@ def main(arguments: Sequence[str]) -> int:
         args.plots.mkdir(parents=True, exist_ok=True)
     if args.name is None:
         return _run_all(Settings(args.seed, args.quick, _RESULTS))
-    settings = Settings(args.seed, args.quick, args.plots, args.sequences)
+    settings = Settings(args.seed, args.quick, args.plots, args.sequences, args.platform)
     benchmark = BENCHMARKS[args.name]
     outcome = benchmark.run(settings)
     _print(benchmark, outcome)

@@ -89,7 +89,7 @@ class Follower:
 
         Args:
             box: x, y, width, height before the rotation, px.
-            angle_rad: its rotation, rad; the trackers start on the upright box.
+            angle_rad: its rotation, rad; the trackers start on the upright box around it.
             capture_ns: the picture's stamp, ns; 0: the newest.
 
         Raises:
@@ -140,6 +140,7 @@ class Follower:
         fused = self.fusion.step(frame, t_ns)
         box = self.fusion.box
         why_not = "" if pose is not None and vehicle is not None else "no vehicle state for this picture"
+        seen = self.fusion.sees(t_ns)
         if fused.state == "tracking" and box is not None and pose is not None:
             patch = None if depth_m is None else _inside(depth_m, box, frame.shape)
             found = self._sight.place(t_ns, box, pose, patch)
@@ -155,7 +156,7 @@ class Follower:
             request = self._law.ask(state, vehicle, t_ns)
         elif not why_not:
             why_not = f"target not seen for {min(away_s, 999.0):.1f} s"
-        return Followed(_track(fused, box, "" if request is not None else why_not), request)
+        return Followed(_track(fused, seen, box, "" if request is not None else why_not), request)
 
     def close(self) -> None:
         """End the trackers."""
@@ -170,11 +171,11 @@ def _inside(depth_m: NDArray[np.float64], box: Box, shape: tuple[int, ...]) -> N
     return depth_m[top:bottom, left:right] if right > left and bottom > top else None
 
 
-def _track(fused: Fused, box: Box | None, reason: str) -> Track:
+def _track(fused: Fused, seen: bool, box: Box | None, reason: str) -> Track:
     if box is None:
         return Track(state="lost", reason=reason or "nothing measured yet")
     return Track(
-        state="tracking" if fused.state == "tracking" else "lost",
+        state="tracking" if seen else "lost",
         x_px=box[0] + box[2] / 2,
         y_px=box[1] + box[3] / 2,
         width_px=box[2],

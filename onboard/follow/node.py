@@ -189,8 +189,11 @@ class FollowNode(Node):
         if received is None or received.message.state != "tracking":
             self._apart_ns = None
             return
+        from onboard.fusion.live import upright_around
+
         track, capture_ns = received.message, received.header.capture_ns
-        box = _upright(track)
+        corner = track.x_px - track.width_px / 2, track.y_px - track.height_px / 2
+        box = upright_around((*corner, track.width_px, track.height_px), track.angle_rad)
         if follower.active and not _apart(follower.fusion.box, box, self._settings.hand_over_gap):
             self._apart_ns = None
             return
@@ -205,14 +208,6 @@ class FollowNode(Node):
         except ValueError as error:
             log.info("beside the chase: %s", error)
         self._apart_ns = None
-
-
-def _upright(track: Track) -> Box:
-    """Upright box around the ellipse in the chase's rectangle, px."""
-    c, s = np.cos(track.angle_rad), np.sin(track.angle_rad)
-    across = float(np.hypot(track.width_px * c, track.height_px * s))
-    down = float(np.hypot(track.width_px * s, track.height_px * c))
-    return track.x_px - across / 2, track.y_px - down / 2, across, down
 
 
 def _apart(mine: Box | None, theirs: Box, gap: float) -> bool:

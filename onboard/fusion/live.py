@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import math
-import time
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from onboard.fusion.tracker import measurement_of, source_of
 log = logging.getLogger(__name__)
 _LEAST_SIDE_PX = 6.0
 _IDLE_S = 0.5
+_RECENT_NS = 250_000_000
 
 
 class LiveHabDf:
@@ -36,6 +36,8 @@ class LiveHabDf:
         self._answer_within_s, self._frozen_after_s = answer_within_s, frozen_after_s
         self._fusion: Fusion | None = None
         self._size = (1.0, 1.0)
+        self._fused: Fused | None = None
+        self._seen_ns = 0
         self._wanted: dict[str, int] = {}
         self.late = 0
         """Answers that came with a later picture than their own."""
@@ -51,12 +53,16 @@ class LiveHabDf:
         check_frame(frame)
         check_box(frame, box, angle_rad)
         self.pool.collect(_IDLE_S)
+        # Not every tracker follows a rotation: one that starts on an upright box and one on a turned one would disagree
+        # for ever about the size.
+        box = upright_around(box, angle_rad)
         self._fusion = Fusion([source_of(name) for name in self.pool.members], self._config)
         self._fit(box[2], box[3])
         self._wanted = {}
+        self._fused, self._seen_ns = None, t_ns
         for member in self.pool.members.values():
             member.started = False
-            member.ask(Ask("init", t_ns, frame.shape, box, angle_rad), frame)
+            member.ask(Ask("init", t_ns, frame.shape, box), frame)
 
     def drop(self) -> None:
         """Forget the target."""
@@ -71,7 +77,9 @@ class LiveHabDf:
         u, v = float(fused.value[0]), float(fused.value[1])
         return u - self._size[0] / 2, v - self._size[1] / 2, *self._size
 
-    _fused: Fused | None = None
+    def sees(self, t_ns: int) -> bool:
+        """Whether the answer has rested on trustworthy trackers of late: they do not all answer in every step."""
+        return self._fused is not None and t_ns - self._seen_ns <= _RECENT_NS
 
     def step(self, frame: np.ndarray, t_ns: int) -> Fused:
         """Fused answer for a picture, (H, W, 3) uint8 BGR, from what has been answered so far.
@@ -95,6 +103,7 @@ class LiveHabDf:
                 measurements.append(Measurement(name, answer.t_ns, None))
         fused = self._fused = self._fusion.step(measurements, t_ns)
         if fused.state == "tracking":
+            self._seen_ns = t_ns
             self._fit(float(fused.value[3]), float(fused.value[2]))
         self._tend(fused, frame, t_ns)
         return fused
@@ -111,8 +120,7 @@ class LiveHabDf:
             if why:
                 self.begun_anew[name] = why
                 log.warning("tracker %s %s; begun anew", name, why)
-        now_ns = time.monotonic_ns()
-        self._wanted.update(dict.fromkeys(fused.restart, now_ns))
+        self._wanted.update(dict.fromkeys(fused.restart, t_ns))
         box = self.box
         if fused.state != "tracking" or box is None or self._fusion is None:
             return
@@ -121,7 +129,7 @@ class LiveHabDf:
         except ValueError:
             return  # the box leaves the picture: there is nothing to start on yet
         for name, member in self.pool.members.items():
-            recent = now_ns - self._wanted.get(name, -(10**18)) < 1e9 * self._config.restart_every_s
+            recent = t_ns - self._wanted.get(name, -(10**18)) < 1e9 * self._config.restart_every_s
             if not member.started:
                 if member.ask(Ask("init", t_ns, frame.shape, box), frame):
                     self._fusion.forget(name)
@@ -132,3 +140,11 @@ class LiveHabDf:
     def close(self) -> None:
         """End the trackers."""
         self.pool.close()
+
+
+def upright_around(box: Box, angle_rad: float) -> Box:
+    """Upright box around the ellipse in a rectangle that is turned about its centre, px."""
+    x, y, width, height = box
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
+    across, down = math.hypot(width * c, height * s), math.hypot(width * s, height * c)
+    return x + (width - across) / 2, y + (height - down) / 2, across, down

@@ -41,8 +41,6 @@ class Ask(NamedTuple):
     """Its shape."""
     box: Box | None = None
     """Where to start, or to go on from, px."""
-    angle_rad: float = 0.0
-    """Rotation of that box, rad."""
 
 
 class Answer(NamedTuple):
@@ -80,11 +78,11 @@ def serve(name: str, config: Config, seed: Sequence[int], memory: Any, connectio
 def _answer(tracker: Any, ask: Ask, frame: np.ndarray) -> Answer:
     try:
         if ask.order == "init":
-            tracker.init(frame, ask.box, ask.angle_rad, ask.t_ns)
+            tracker.init(frame, ask.box, 0.0, ask.t_ns)
         elif ask.order == "place" and hasattr(tracker, "place"):
             tracker.place(frame, ask.box)
         elif ask.order == "place":
-            tracker.init(frame, ask.box, ask.angle_rad, ask.t_ns)
+            tracker.init(frame, ask.box, 0.0, ask.t_ns)
         else:
             return Answer(ask.t_ns, tracker.update(frame, ask.t_ns))
     except Exception as error:  # noqa: BLE001  a tracker that fails is one that does not see; the others go on

@@ -35,6 +35,7 @@ SHELLS = (
     "simulation/conformance/",  # speaks MAVLink to an autopilot
     "onboard/helm/autopilot_link.py",  # MAVSDK
     "onboard/camera/source.py",  # cameras
+    "onboard/fusion/members.py",  # the trackers' processes
     "onboard/camera/stream.py",  # what the node sends
     "ground/recorder/intake.py",  # the queue between threads
     "ground/console/",  # all of it is the operator's page

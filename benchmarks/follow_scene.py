@@ -1,0 +1,255 @@
+"""A hall with solid targets in it, seen by any pinhole camera: for loops that are closed through pictures.
+
+The hall is a box with painted walls and floor, by ray casting; what stands in it are solids of revolution (a person, a
+head, a bin), whose painted surface turns with them, so that an out-of-plane turn changes what is seen.
+Axes are NED, the floor is at z = 0.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from benchmarks.follow_solids import Solid, blotches
+from common.geometry.camera import Camera
+from common.geometry.rotation import quat_conjugate, quat_multiply, quat_rotate, quat_to_matrix
+from common.tracking.base import Box
+
+Array = NDArray[np.float64]
+FORWARD = (0.5, 0.5, 0.5, 0.5)
+"""`body_q_camera` of a camera that looks along the nose, top of the picture up."""
+_WALL_PX, _FLOOR_PX = (256, 1024), 512
+_NEAREST_M = 0.25
+_NOISE_PLACES = 64
+_EXPOSURE_S = 0.008
+
+
+def camera(width: int, height: int, fov_rad: float, rate_hz: float = 30.0) -> Camera:
+    """A camera without distortion that looks along the nose, with this horizontal field of view."""
+    focal = width / 2 / math.tan(fov_rad / 2)
+    middle, none = ((width - 1) / 2, (height - 1) / 2), (0.0, 0.0, 0.0, 0.0, 0.0)
+    return Camera(width, height, focal, focal, *middle, none, FORWARD, (0.0, 0.0, 0.0), 0.0, rate_hz)
+
+
+@dataclass
+class Thing:
+    """A solid at a place."""
+
+    solid: Solid
+    """What."""
+    ned_p_m: Array
+    """Middle of its foot, (3,), m."""
+    heading_rad: float = 0.0
+    """Where its front looks, rad from north."""
+    lean_rad: float = 0.0
+    """How far it leans over, about its middle, clockwise in the picture, rad."""
+
+
+class Shown(NamedTuple):
+    """Where a thing is in the picture."""
+
+    box: Box
+    """Upright box around it, px."""
+    depth_m: float
+    """Distance along the optical axis, m."""
+
+
+class Lens(NamedTuple):
+    """A camera somewhere."""
+
+    camera: Camera
+    """Calibration."""
+    ned_p_m: Array
+    """Where it is, (3,), m."""
+    ned_q_body: Array
+    """Attitude of what it is fixed to, (4,)."""
+
+    def axes(self) -> Array:
+        """Rotation (3, 3) from NED to the optical frame."""
+        return quat_to_matrix(quat_conjugate(quat_multiply(self.ned_q_body, self.camera.body_q_camera)))
+
+    def show(self, thing: Thing) -> Shown | None:
+        """Where a thing is in the picture, or would be beyond its edge; None behind the camera."""
+        middle = thing.ned_p_m - np.array([0.0, 0.0, thing.solid.height_m / 2])
+        x, y, z = self.axes() @ (middle - self.ned_p_m)
+        if z < _NEAREST_M:
+            return None
+        scale = self.camera.fx_px / z
+        upright = np.array([thing.solid.width_m(self.aspect_rad(thing)), thing.solid.height_m]) * scale
+        c, s = abs(math.cos(thing.lean_rad)), abs(math.sin(thing.lean_rad))
+        # Of the ellipse in the turned rectangle: its corners are empty.
+        width, height = np.hypot(upright * c, upright[::-1] * s).tolist()
+        u, v = self.camera.cx_px + x * scale, self.camera.cy_px + y * scale
+        return Shown((float(u - width / 2), float(v - height / 2), float(width), float(height)), float(z))
+
+    def aspect_rad(self, thing: Thing) -> float:
+        """How far a thing is turned from facing the camera, rad."""
+        north, east, _ = self.ned_p_m - thing.ned_p_m
+        return math.remainder(math.atan2(east, north) - thing.heading_rad, 2 * math.pi)
+
+
+@dataclass
+class Light:
+    """What the light and the sensor do to one picture."""
+
+    gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    """Blue, green and red against the first picture."""
+    turn_rad_s: float = 0.0
+    """Turn rate of the camera, which blurs, rad/s."""
+
+
+class Hall:
+    """The hall; the same seed paints the same, and draws the same noise.
+
+    Args:
+        half_m: from the middle to the walls north and east, m.
+        seed: of paint and noise.
+        height_m: of its ceiling, m.
+        noise: standard deviation of the sensor's noise, grey levels.
+    """
+
+    def __init__(self, half_m: tuple[float, float], seed: int, height_m: float = 4.0, noise: float = 4.0):
+        rng = np.random.default_rng((seed, 31))
+        floor = _floor(rng)
+        self._atlas = np.vstack([_wall(rng), np.hstack([floor, (floor * 0.3 + 130).astype(np.uint8)])])
+        self._half = np.array([*half_m, height_m])
+        self._rng = np.random.default_rng((seed, 32))
+        self._sigma = noise
+        self._noise = np.zeros((0, 0, 3), np.float32)
+
+    def picture(self, lens: Lens, things: Sequence[Thing], light: Light) -> np.ndarray:
+        """The picture (H, W, 3), BGR, of the hall with things in it, the nearest drawn last."""
+        frame = self._background(lens)
+        shown = [(thing, where) for thing in things if (where := lens.show(thing)) is not None]
+        for thing, where in sorted(shown, key=lambda pair: -pair[1].depth_m):
+            _draw(frame, lens, thing, where)
+        blur = round(abs(light.turn_rad_s) * _EXPOSURE_S * lens.camera.fx_px)
+        if blur > 1:
+            frame = cv2.blur(frame, (blur, 1))
+        lit = frame * np.array(light.gain, np.float32) + self._grain(frame.shape)
+        return np.clip(lit, 0, 255, out=lit).astype(np.uint8)
+
+    def _grain(self, shape: tuple[int, ...]) -> np.ndarray:
+        """Noise of one picture: one field, read at another place each time."""
+        rows, columns = shape[:2]
+        if self._noise.shape[:2] != (rows + _NOISE_PLACES, columns + _NOISE_PLACES):
+            size = (rows + _NOISE_PLACES, columns + _NOISE_PLACES, 3)
+            self._noise = self._sigma * self._rng.standard_normal(size, np.float32)
+        row, column = self._rng.integers(0, _NOISE_PLACES, 2)
+        return self._noise[row : row + rows, column : column + columns]
+
+    def _background(self, lens: Lens) -> np.ndarray:
+        c = lens.camera
+        out = np.empty((c.height, c.width, 3), np.uint8)
+        _cast(self._atlas, lens.axes(), lens.ned_p_m, self._half, c.fx_px, (c.cx_px, c.cy_px), out)
+        return out
+
+
+def _draw(frame: np.ndarray, lens: Lens, thing: Thing, where: Shown) -> None:
+    aspect = lens.aspect_rad(thing)
+    seen, mask = thing.solid.picture(aspect)
+    x, y, width, height = where.box
+    rows, columns = seen.shape[:2]
+    up = lens.axes() @ np.array([0.0, 0.0, -1.0])
+    lean = math.atan2(up[0], -up[1]) + thing.lean_rad
+    scale_y = lens.camera.fx_px / where.depth_m * thing.solid.height_m / rows
+    scale_x = scale_y * thing.solid.squeeze(aspect)
+    c, s = math.cos(lean), math.sin(lean)
+    reach = math.hypot(width, height) / 2 + 2
+    centre = (x + width / 2, y + height / 2)
+    left, top = max(0, int(centre[0] - reach)), max(0, int(centre[1] - reach))
+    window = frame[top : max(0, int(centre[1] + reach)), left : max(0, int(centre[0] + reach))]
+    if window.size == 0:
+        return
+    matrix = np.array([[c * scale_x, -s * scale_y, centre[0] - left], [s * scale_x, c * scale_y, centre[1] - top]])
+    matrix[:, 2] -= matrix[:, :2] @ [(columns - 1) / 2, (rows - 1) / 2]
+    size = (window.shape[1], window.shape[0])
+    inside = cv2.warpAffine(mask, matrix, size, flags=cv2.INTER_LINEAR) > 127
+    window[inside] = cv2.warpAffine(seen, matrix, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)[inside]
+
+
+def _wall(rng: np.random.Generator) -> np.ndarray:
+    """Four metres high, sixteen long: bricks, doors, posters."""
+    rows, columns = _WALL_PX
+    picture = blotches(rng, rows, columns, rng.uniform(110, 170, 3).tolist())
+    picture[::16] *= 0.85
+    for _ in range(14):
+        width, height = (int(v) for v in rng.uniform(24, 90, 2))
+        x, y = int(rng.integers(0, columns - width)), int(rng.integers(0, rows - height))
+        colour = rng.uniform(30, 230, 3)
+        picture[y : y + height, x : x + width] = colour
+        cv2.circle(picture, (x + width // 2, y + height // 2), height // 3, rng.uniform(30, 230, 3).tolist(), -1)
+        picture[y : y + height : 7, x : x + width] *= 0.7
+    return np.clip(picture, 0, 255).astype(np.uint8)
+
+
+def _floor(rng: np.random.Generator) -> np.ndarray:
+    picture = blotches(rng, _FLOOR_PX, _FLOOR_PX, rng.uniform(70, 130, 3).tolist())
+    picture[::64], picture[:, ::64] = picture[::64] * 0.6, picture[:, ::64] * 0.6
+    return np.clip(picture, 0, 255).astype(np.uint8)
+
+
+def hidden_share(lens: Lens, target: Thing, things: Sequence[Thing]) -> float:
+    """Share of the target's box that nearer things cover, 0 to 1: of the columns, where they are as high."""
+    own = lens.show(target)
+    if own is None:
+        return 1.0
+    columns = np.linspace(own.box[0], own.box[0] + own.box[2], 21)
+    covered = np.zeros(len(columns), bool)
+    for thing in things:
+        other = lens.show(thing)
+        if thing is target or other is None or other.depth_m >= own.depth_m:
+            continue
+        tall = min(other.box[1] + other.box[3], own.box[1] + own.box[3]) - max(other.box[1], own.box[1])
+        if tall > 0.6 * own.box[3]:
+            covered |= (columns > other.box[0]) & (columns < other.box[0] + other.box[2])
+    return float(covered.mean())
+
+
+def direction(lens: Lens, u: float, v: float) -> Array:
+    """Unit vector (3,), NED, through a pixel."""
+    ray = np.array([(u - lens.camera.cx_px) / lens.camera.fx_px, (v - lens.camera.cy_px) / lens.camera.fy_px, 1.0])
+    ned = quat_rotate(lens.ned_q_body, quat_rotate(lens.camera.body_q_camera, ray))
+    return ned / np.linalg.norm(ned)
+
+
+@njit(nogil=True, error_model="numpy")
+def _cast(atlas, turn, eye, half, focal, centre, out):  # type: ignore[no-untyped-def]
+    """Fill a picture (H, W, 3) with walls, floor and ceiling: the nearest plane that each ray meets."""
+    walls, floor, wide = 256, 512, 1024
+    for v in range(out.shape[0]):
+        y = (v - centre[1]) / focal
+        for u in range(out.shape[1]):
+            x = (u - centre[0]) / focal
+            north = x * turn[0, 0] + y * turn[1, 0] + turn[2, 0]
+            east = x * turn[0, 1] + y * turn[1, 1] + turn[2, 1]
+            down = x * turn[0, 2] + y * turn[1, 2] + turn[2, 2]
+            to_north = ((half[0] if north > 0 else -half[0]) - eye[0]) / north
+            to_east = ((half[1] if east > 0 else -half[1]) - eye[1]) / east
+            to_level = ((0.0 if down > 0 else -half[2]) - eye[2]) / down
+            if to_level < min(to_north, to_east):
+                row = (eye[0] + to_level * north) * 64.0 % (floor - 1) + walls
+                column = (eye[1] + to_level * east) * 64.0 % (floor - 1) + (0.0 if down > 0 else floor)
+            else:
+                if to_north < to_east:
+                    reach = to_north
+                    along = eye[1] + reach * east + (0.0 if north > 0 else 5.3)
+                else:
+                    reach = to_east
+                    along = eye[0] + reach * north + (2.9 if east > 0 else 8.1)
+                row = walls - 1 - (-(eye[2] + reach * down) * 64.0) % (walls - 1)
+                column = along * 64.0 % (wide - 1)
+            i, j = int(row), int(column)
+            a, b = row - i, column - j
+            k, m = min(i + 1, atlas.shape[0] - 1), min(j + 1, atlas.shape[1] - 1)
+            for c in range(3):
+                upper = atlas[i, j, c] * (1.0 - b) + atlas[i, m, c] * b
+                lower = atlas[k, j, c] * (1.0 - b) + atlas[k, m, c] * b
+                out[v, u, c] = upper * (1.0 - a) + lower * a

@@ -1,0 +1,103 @@
+"""What counts as followed: how far the target is from the middle, whether the box is on it, and when it was lost."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from common.geometry.camera import Camera
+from common.tracking.base import Box, TrackResult, upright_box
+
+_LOST_S = 2.0
+_ON_IT = 0.1
+_HIDDEN = 0.5
+_SUCCESS_J, _SUCCESS_PX = 0.5, 50.0
+
+
+def box_of(result: TrackResult | None) -> Box | None:
+    """Upright box of an answer; None where it does not say that it sees the target."""
+    return upright_box(result) if result is not None and result.state == "tracking" else None
+
+
+def overlap(a: Box, b: Box) -> float:
+    """Area of the intersection of two upright boxes over that of their union (eq. 4.9)."""
+    width = min(a[0] + a[2], b[0] + b[2]) - max(a[0], b[0])
+    height = min(a[1] + a[3], b[1] + b[3]) - max(a[1], b[1])
+    shared = max(0.0, width) * max(0.0, height)
+    return shared / (a[2] * a[3] + b[2] * b[3] - shared)
+
+
+@dataclass
+class Score:
+    """Frame after frame of one run.
+
+    The target is lost once it has been out of the picture, or visible with the box elsewhere (J < 0.1) or none, for two
+    seconds without a break; the run ends with the frame before those.
+    """
+
+    camera: Camera
+    """Whose pictures."""
+    rate_hz: float
+    """Frames a second, Hz."""
+    errors_px: list[float] = field(default_factory=list)
+    """Distance of the true target from the middle of the picture, px."""
+    overlaps: list[float] = field(default_factory=list)
+    """Jaccard index of the box; 0 without one; only of frames in which the target is visible."""
+    distances: list[float] = field(default_factory=list)
+    """Distance over u, v, h, w (4.5.2), px, of the same frames; infinite without a box."""
+    frames: int = 0
+    """Frames so far."""
+    _bad: int = 0
+
+    def note(self, truth: Box | None, hidden: float, box: Box | None) -> None:
+        """One frame.
+
+        Args:
+            truth: where the target is, beyond the picture's edge too; None behind the camera.
+            hidden: share of it that is covered.
+            box: the tracker's; None: it does not see the target.
+        """
+        self.frames += 1
+        bad = True
+        if truth is not None:
+            u, v = truth[0] + truth[2] / 2, truth[1] + truth[3] / 2
+            inside = 0 <= u < self.camera.width and 0 <= v < self.camera.height
+            self.errors_px.append(math.hypot(u - self.camera.cx_px, v - self.camera.cy_px))
+            bad = not inside
+            if inside and hidden < _HIDDEN:
+                j = 0.0 if box is None else overlap(box, truth)
+                self.overlaps.append(j)
+                self.distances.append(math.inf if box is None else four_distance(box, truth))
+                bad = j < _ON_IT
+            elif inside:
+                bad = self._bad > 0 and box is None
+        self._bad = self._bad + 1 if bad else 0
+
+    @property
+    def lost(self) -> bool:
+        """Whether the run is over."""
+        return self._bad >= _LOST_S * self.rate_hz
+
+    @property
+    def followed(self) -> int:
+        """Frames until the loss, or all."""
+        return self.frames - self._bad if self.lost else self.frames
+
+    @property
+    def mean_error_px(self) -> float:
+        """Mean distance of the target from the middle until the loss, px."""
+        return float(np.mean(self.errors_px[: max(1, self.followed)]))
+
+    def success(self, total: int) -> float:
+        """Share of a run's frames, those after the loss included, with J >= 0.5 and d <= 50 px (4.5.2)."""
+        good = [j >= _SUCCESS_J and d <= _SUCCESS_PX for j, d in zip(self.overlaps, self.distances, strict=True)]
+        unseen = self.frames - len(good)
+        return sum(good) / max(1, total - unseen)
+
+
+def four_distance(a: Box, b: Box) -> float:
+    """Distance over centre, height and width (4.5.2), px."""
+    centre = (a[0] + a[2] / 2 - b[0] - b[2] / 2, a[1] + a[3] / 2 - b[1] - b[3] / 2)
+    return math.hypot(*centre, a[2] - b[2], a[3] - b[3])
