@@ -161,7 +161,9 @@ def follow(
                 bearings.update(bearing, np.array([1e-4]))
             if estimate is not None:
                 z = float(estimate.position[2])
-                drive = law.step(float(bearings.value[0]), float(bearings.rate[0]), z, -float(estimate.rate[2]))
+                drive = law.step(
+                    float(bearings.value[0]), float(bearings.rate[0]), z, -float(estimate.rate[2]), (speed, turn)
+                )
                 wanted = (drive.speed_m_s, drive.turn_rad_s)
                 if truth is not None:
                     estimates.append(abs(z - truth.depth_m))

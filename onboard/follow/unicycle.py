@@ -75,7 +75,14 @@ class UnicycleLaw:
         self.axis: Axis | None = None
         """Which controller acts."""
 
-    def step(self, bearing_rad: float, bearing_rate_rad_s: float, distance_m: float, closing_m_s: float) -> Drive:
+    def step(
+        self,
+        bearing_rad: float,
+        bearing_rate_rad_s: float,
+        distance_m: float,
+        closing_m_s: float,
+        own: tuple[float, float] = (0.0, 0.0),
+    ) -> Drive:
         """What to ask for.
 
         Args:
@@ -83,11 +90,13 @@ class UnicycleLaw:
             bearing_rate_rad_s: how fast that grows, rad/s.
             distance_m: to the target, m.
             closing_m_s: how fast that shrinks, m/s.
+            own: the robot's own speed, m/s, and turn, rad/s, by its wheels: with them the target's own motion is fed
+                forward, which the thesis's controllers lack.
 
         Raises:
             ValueError: an input that is not finite.
         """
-        given = (bearing_rad, bearing_rate_rad_s, distance_m, closing_m_s)
+        given = (bearing_rad, bearing_rate_rad_s, distance_m, closing_m_s, *own)
         if not all(map(math.isfinite, given)):
             raise ValueError(f"unicycle: got {given}, expected finite bearing, distance and rates")
         config = self._config
@@ -95,10 +104,10 @@ class UnicycleLaw:
         away = (distance_m - self._distance_m) / config.distance_range_m
         self.axis = self._chosen(min(abs(aside), 1.0), min(abs(away), 1.0))
         if self.axis == "turn":
-            rate = self._turn.rate(bearing_rad, bearing_rate_rad_s)
+            rate = self._turn.rate(bearing_rad, bearing_rate_rad_s, own[1] + bearing_rate_rad_s)
             return Drive(0.0, min(max(rate, -config.turn_rate_rad_s), config.turn_rate_rad_s), "turn")
         if self.axis == "drive":
-            speed = self._drive.rate(distance_m - self._distance_m, -closing_m_s)
+            speed = self._drive.rate(distance_m - self._distance_m, -closing_m_s, own[0] - closing_m_s)
             return Drive(min(max(speed, -config.speed_m_s), config.speed_m_s), 0.0, "drive")
         return Drive(0.0, 0.0, None)
 

@@ -29,7 +29,7 @@ waypoints = [
     { north_m = 1.2, east_m = -9.0, speed_m_s = 0.8 },
 ]
 """
-FOLLOWED_S, GAP_S = 40.0, 9.0
+FOLLOWED_S, GAP_S = 32.0, 8.0
 
 
 def _choose(flight: Flight) -> None:
@@ -82,7 +82,7 @@ def test_the_vehicle_follows_by_itself(make_flight: Callable[..., Flight], tmp_p
     cut_ns = time.monotonic_ns()
     flight.link.cut()
     flight.wait("take-over", lambda: status.last.state == "follow", 2)
-    time.sleep(8.0)
+    time.sleep(6.0)
     assert status.last.state == "follow", status.last
     _did_not_jump(setpoints, cut_ns)
     assert _errors_m(truth, cut_ns).max() < 2.0

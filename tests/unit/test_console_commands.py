@@ -47,8 +47,10 @@ def _wait(condition: Callable[[], object]) -> None:
 
 def test_every_button_asks_for_commands_that_exist() -> None:
     asked = {name for action in (*BUTTONS, SELECT) for name in action.commands}
-    # Orders about people need a name or two, and stand beside their pictures; a search is begun on the command line.
-    elsewhere = {name for name in COMMANDS if name.startswith(("people/", "search/"))} | {"helm/do/search"}
+    # Orders about people need a name or two, and stand beside their pictures; a search, and the vehicle's own follower,
+    # are begun on the command line.
+    elsewhere = {name for name in COMMANDS if name.startswith(("people/", "search/", "follow/"))}
+    elsewhere |= {"helm/do/search", "helm/do/follow"}
     assert asked | elsewhere == set(COMMANDS), "each command has its button, and no button asks for another"
     assert len({action.label for action in BUTTONS}) == len(BUTTONS)
 

@@ -187,7 +187,7 @@ def test_a_robot_reaches_distance_and_bearing_by_turns() -> None:
         distance, bearing = math.hypot(dx, dy), math.atan2(dy, dx) - heading
         rates = (0.0, 0.0) if last is None else ((bearing - last[0]) / STEP_S, (last[1] - distance) / STEP_S)
         last = (bearing, distance)
-        asked = law.step(bearing, rates[0], distance, rates[1])
+        asked = law.step(bearing, rates[0], distance, rates[1], (speed, turn))
         speed += (asked.speed_m_s - speed) * STEP_S / config.lag_s
         turn += (asked.turn_rad_s - turn) * STEP_S / config.lag_s
         heading += turn * STEP_S
