@@ -130,8 +130,8 @@ class Sensor:
     def obstacles(self, t_s: float, p_m: Array) -> tuple[Array, Array, Array]:
         """Distances (N, 8), unit vectors and velocities (N, 8, 3) as they are known now."""
         age_s = t_s - self._stamps_s
-        known = age_s <= keep_s(self._velocities, self._config, looks=True)
         offset = self._places + self._velocities * age_s[..., None] - p_m[:, None]
+        known = age_s <= keep_s(self._velocities, offset, self._config, looks=True)
         offset = np.where(known[..., None], offset, (_FAR_M, 0.0, 0.0))
         distance = _length(offset)
         velocities = np.where(known[..., None], self._velocities, 0.0)

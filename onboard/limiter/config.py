@@ -67,8 +67,9 @@ class LimiterConfig(Section, frozen=True, kw_only=True):
     overcome; without this, with the drag of its built-in quadrotor, a stop from 2 m/s would run on by another metre."""
     brake_m_s: NonNegative = 2.5
     """Most that is asked for below the bound, m/s."""
-    margin_m: NonNegative = 0.15
-    """What measured distances may be too long by, m; the braking bound keeps it beside `h_min_m`."""
+    margin_m: NonNegative = 0.2
+    """What measured distances may be too long by, and a stop longer than the formula, m; the braking bound keeps it
+    beside `h_min_m`."""
     foresight_s: NonNegative = 2.0
     """How far ahead the path of a moving obstacle is kept free, s: about a stop from full speed."""
     push_back_m_s: NonNegative = 0.5
@@ -98,7 +99,8 @@ class LimiterConfig(Section, frozen=True, kw_only=True):
     unseen_stop_s: Positive = 1.0
     """A blind source leaves `unseen_speed_m_s` for so long, s; within another second it falls to zero."""
     keep_s: Positive = 6.0
-    """How long a walking obstacle that went out of view, or whose source is silent, is kept, moving on, s."""
+    """How long a walking obstacle that went out of view, or whose source is silent, is kept, moving on, s; within
+    `h_max_m` of the vehicle `remember_s`: what should be here by now is not forgotten."""
     spread_m_s: NonNegative = 0.1
     """How fast the place of a kept obstacle becomes uncertain, m/s."""
 

@@ -142,11 +142,10 @@ class ObstacleMap:
         age_s = (t_ns - source.stamps_ns) / 1e9
         silent_s = max(_age_s(t_ns, source.capture_ns) - config.stale_s, 0.0)
         aside_m = np.hypot(source.ned_p_m[:, 0] - ned_p_m[0], source.ned_p_m[:, 1] - ned_p_m[1])
-        kept = np.nonzero(
-            (age_s <= keep_s(source.ned_v_m_s, config, source.looks)) & ~(source.steep & (aside_m > _PATCH_M))
-        )[0]
-        v = source.ned_v_m_s[kept]
-        places = source.ned_p_m[kept] + v * np.maximum(age_s[kept], 0.0)[:, None]
+        places = source.ned_p_m + source.ned_v_m_s * np.maximum(age_s, 0.0)[:, None]
+        known = age_s <= keep_s(source.ned_v_m_s, places - np.array(ned_p_m), config, source.looks)
+        kept = np.nonzero(known & ~(source.steep & (aside_m > _PATCH_M)))[0]
+        v, places = source.ned_v_m_s[kept], places[kept]
         places[source.steep[kept], :2] = ned_p_m[:2]
         walks = (v * v).sum(axis=1) >= _STANDING_M_S**2
         unsure_s = np.where(walks, np.maximum(age_s[kept] - config.stale_s, 0.0), silent_s)
@@ -177,8 +176,9 @@ class ObstacleMap:
         """Indices of a source's older points that its new message does not speak of: out of its views."""
         if not views or not len(known.ned_p_m):
             return []
-        offset = known.ned_p_m - place_m
-        hidden = (capture_ns - known.stamps_ns) / 1e9 <= keep_s(known.ned_v_m_s, self._config, True)
+        age_s = np.maximum((capture_ns - known.stamps_ns) / 1e9, 0.0)
+        offset = known.ned_p_m + known.ned_v_m_s * age_s[:, None] - place_m  # where those that walk should be by now
+        hidden = age_s <= keep_s(known.ned_v_m_s, offset, self._config, True)
         distance = np.sqrt((offset * offset).sum(axis=1))
         for view in views:
             hidden &= ~(covered(view, offset) & (distance <= view.range_m))
@@ -211,16 +211,19 @@ def covered(view: View, ned_offsets: Array) -> Array:
     return within & seen[np.clip(row, 0, view.rows - 1), np.clip(column, 0, view.columns - 1)]
 
 
-def keep_s(ned_v_m_s: Array, config: LimiterConfig, looks: bool) -> Array:
-    """How long obstacles are kept without a new measurement, s, (...): standing ones of a source that looks longer.
+def keep_s(ned_v_m_s: Array, ned_offset_m: Array, config: LimiterConfig, looks: bool) -> Array:
+    """How long obstacles are kept without a new measurement, s, (...): longer, of a source that looks, those that stand
+    or should be within h_max by now.
 
     Args:
         ned_v_m_s: their velocities, (..., 3), m/s.
+        ned_offset_m: from the vehicle to where they should be now, (..., 3), m.
         config: both times.
         looks: whether their source would say so if they were gone.
     """
-    standing = (ned_v_m_s * ned_v_m_s).sum(axis=-1) < _STANDING_M_S**2
-    return np.where(standing & looks, config.remember_s, config.keep_s)
+    longer = (ned_v_m_s * ned_v_m_s).sum(axis=-1) < _STANDING_M_S**2
+    longer |= (ned_offset_m * ned_offset_m).sum(axis=-1) <= config.h_max_m**2
+    return np.where(longer & looks, config.remember_s, config.keep_s)
 
 
 def _age_s(t_ns: int, stamp_ns: int) -> float:
