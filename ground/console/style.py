@@ -58,7 +58,7 @@ _SHEET = """
 .or .last.g{border-color:#3ddc84;color:#e6edf3}.or .last.o{border-color:#ff9f1c;color:#e6edf3}
 .or .last.r{border-color:#ff5a52;color:#e6edf3}.or .last.b{border-color:#4aa8ff;color:#e6edf3}
 .or .last small{float:right;color:#9aa4af}
-.mantine-Tabs-tab{padding-left:9px!important;padding-right:9px!important}
+[role=tab]{padding-left:7px!important;padding-right:7px!important}
 .or .man{display:grid;grid-template-columns:64px 1fr;gap:8px;padding:6px 0;border-top:1px solid #2b313a}
 .or .man small{display:block;font-size:12px;color:#c4ccd4}
 .or .man i{font-style:normal;color:#9aa4af;font-size:12px}
