@@ -266,4 +266,12 @@ def _detection(spot: Spot, t_ns: int) -> Detection:
     if pose is None or look is None:
         raise RuntimeError("a spot without a pose counts as a person")  # `Watch.carries` rules it out
     sight = spot.sight
-    return Detection(pose, look, sight.ned_p_m, sight.ned_p_cov_m2, spot.number or None, spot.posed_ns == t_ns)
+    return Detection(
+        pose,
+        look,
+        sight.ned_p_m,
+        sight.ned_p_cov_m2,
+        known=spot.number or None,
+        fresh=spot.posed_ns == t_ns,
+        whole=not sight.region.cut,
+    )

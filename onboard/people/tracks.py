@@ -14,6 +14,8 @@ from onboard.people.config import AssociationConfig
 from onboard.people.pose import Pose
 
 _LARGEST_STEP_S = 600.0
+_CUT_OFF_M = 1.0
+"""By so much the middle of what is left of a person at the picture's edge may be off."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,8 @@ class Detection:
     """Number that unbroken sight of the region suggests; None where it was not seen before."""
     fresh: bool = True
     """Whether pose and look come from this picture. What does not is taken for the person that `known` names."""
+    whole: bool = True
+    """Whether the region keeps clear of the picture's edge: the middle of what is cut off lies elsewhere."""
 
 
 @dataclass(frozen=True)
@@ -197,6 +201,9 @@ class PeopleTracker:
             return track.ned_p_m, track.ned_p_cov_m2
         if track.ned_p_m is None or track.ned_p_cov_m2 is None:
             return detection.ned_p_m, detection.ned_p_cov_m2
+        apart_m = float(np.linalg.norm((detection.ned_p_m - track.ned_p_m)[:2]))
+        if not detection.whole and apart_m < _CUT_OFF_M:
+            return track.ned_p_m, track.ned_p_cov_m2
         predicted = track.ned_p_cov_m2 + np.eye(3) * (self.config.walk_m_s * min(gap_s, _LARGEST_STEP_S)) ** 2
         gain = predicted @ np.linalg.inv(predicted + detection.ned_p_cov_m2)
         left = np.eye(3) - gain

@@ -201,3 +201,22 @@ def test_who_has_no_pose_of_their_own_goes_on_as_the_region_says():
     assert tracker.update([carried, replace(second, known=7, fresh=False)], SECOND) == [2, 0]
     hits = {track.number: (track.hits, track.seen_ns) for track in tracker.tracks}
     assert hits == {1: (1, 0), 2: (1, SECOND)}, "it counts as seen, not as another look"
+
+
+def test_what_the_pictures_edge_cuts_off_does_not_move_a_known_place():
+    place = np.array([3.0, 1.0, 0.0])
+    first = _detection("red over blue", ned_p_m=place, ned_p_cov_m2=0.04 * np.eye(3))
+    tracker = PeopleTracker(CONFIG)
+
+    def north(detection: Detection, t_s: float) -> float:
+        assert tracker.update([detection], round(t_s * SECOND)) == [1]
+        known = tracker.tracks[0].ned_p_m
+        assert known is not None
+        return float(known[0])
+
+    assert north(replace(first, whole=False), 0.0) == 3.0, "better than none"
+    beside = replace(first, ned_p_m=np.array([3.6, 1.0, 0.0]), whole=False)
+    assert all(north(beside, 0.1 * step) == 3.0 for step in range(1, 12))
+    assert north(replace(beside, whole=True), 2.0) > 3.4
+    walked = replace(first, ned_p_m=np.array([5.0, 1.0, 0.0]), whole=False)
+    assert north(walked, 4.0) > 4.5, "farther than an edge explains"
