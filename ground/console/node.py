@@ -14,6 +14,7 @@ from common.geometry.rotation import as_vec3
 from common.messages import Command, VehicleState
 from common.node import Inputs, Node, On, Output
 from common.session import BusConfig
+from ground.console.collector import Collector
 from ground.console.commands import CHOOSE, SELECT, Commander
 from ground.console.config import ConsoleConfig
 from ground.console.page import Page
@@ -22,7 +23,7 @@ from ground.console.pictures import DrawnBox, PictureBoard
 from ground.console.plot import ErrorHistory
 from ground.console.scene import SceneView
 from ground.console.server import open_server
-from ground.console.snapshot import PURSUIT_CAMERA, STATE, STATUS, TRACK, Collector, Snapshot, picture_topic
+from ground.console.snapshot import PURSUIT_CAMERA, STATE, STATUS, TRACK, Snapshot, picture_topic
 from ground.console.stick import Stick
 from ground.console.stick_link import StickLink
 from ground.console.target import bearing_rad, point_on_ray

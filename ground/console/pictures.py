@@ -10,12 +10,12 @@ import msgspec
 import viser
 
 from common.messages import PersonDetection, person_label
+from ground.console.captions import hint, target_caption
+from ground.console.collector import Collector
 from ground.console.config import ConsoleConfig
 from ground.console.overlay import (
     GREEN,
-    GREY,
     ORANGE,
-    RED,
     Caption,
     Letterbox,
     Painter,
@@ -25,7 +25,7 @@ from ground.console.overlay import (
     on_canvas,
 )
 from ground.console.people_cards import COLOURS
-from ground.console.snapshot import APPROACH, PURSUIT_CAMERA, TRACK, Collector, Picture, Snapshot
+from ground.console.snapshot import APPROACH, PURSUIT_CAMERA, TRACK, Picture, Snapshot
 from ground.console.target import pixels_of
 
 _BOX_MIN_PX = 8.0
@@ -225,7 +225,7 @@ class PictureBoard:
         self._painter.aim(drawn)
         shown_age_ms = (view.t_ns - picture.taken_ns) / 1e6
         left = Caption(f"LIVE  {shown_age_ms:.0f} ms", GREEN if shown_age_ms < 200 else ORANGE)
-        self._painter.captions(drawn, left, target_caption(view), _hint(view))
+        self._painter.captions(drawn, left, target_caption(view), hint(view))
         return drawn
 
     def _draw_people(self, drawn: Pixels, picture: Picture, view: Snapshot) -> None:
@@ -295,41 +295,6 @@ def scaled(found: PersonDetection, x: float, y: float) -> PersonDetection:
     left, top, width, height = found.box_px
     joints = tuple((column * x, row * y, confidence) for column, row, confidence in found.joints_px)
     return msgspec.structs.replace(found, box_px=(left * x, top * y, width * x, height * y), joints_px=joints)
-
-
-def target_caption(view: Snapshot) -> Caption:
-    """The word about the target, state and how long ago it was seen; through another camera than the chase's, the
-    word about what is approached."""
-    if view.shown != PURSUIT_CAMERA:
-        return _approach_caption(view)
-    track = view.track
-    if track is None:
-        return Caption("NO PURSUIT", GREY)
-    if not view.fresh(TRACK):
-        return Caption(f"NO TRACK  {view.age_ms(TRACK) / 1000:.1f} s", RED)
-    if track.state == "tracking":
-        return Caption(f"TRACKING  {view.track_age_ms:.0f} ms", GREEN)
-    if track.state == "lost":
-        since = f"  {view.tracked_ago_ms / 1000:.1f} s" if view.tracked_ago_ms >= 0 else ""
-        return Caption(f"LOST{since}", ORANGE)
-    return Caption("NO TARGET", GREY)
-
-
-def _approach_caption(view: Snapshot) -> Caption:
-    target = view.approach if view.fresh(APPROACH) else None
-    if target is None or target.state == "idle":
-        return Caption("NO SELECTION", GREY)
-    word = {"tracking": f"{target.distance_m:.1f} m, TO {target.goal_m:.1f} m", "lost": "LOST"}[target.state]
-    return Caption(word, GREEN if target.state == "tracking" else ORANGE)
-
-
-def _hint(view: Snapshot) -> str:
-    if view.shown != PURSUIT_CAMERA:
-        idle = view.approach is None or not view.fresh(APPROACH) or view.approach.state == "idle"
-        return "Draw a box to approach it" if idle else ""
-    if view.track is not None and view.fresh(TRACK) and view.track.state != "tracking":
-        return "Draw a box around the target"
-    return ""
 
 
 def _aspect(client: viser.ClientHandle) -> float:

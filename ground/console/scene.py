@@ -15,11 +15,12 @@ import viser
 from common.geometry.camera import Camera
 from common.geometry.rotation import Array, euler_from_quat
 from common.messages import VehicleState
+from ground.console.collector import Collector
 from ground.console.config import ConsoleConfig
 from ground.console.overlay import GREEN, ORANGE, RED, decode
 from ground.console.people_map import PeopleMap
 from ground.console.ring import Ring
-from ground.console.snapshot import APPROACH, LIMITER, PURSUIT_CAMERA, SETPOINT, STATE, TRACK, Collector, Snapshot
+from ground.console.snapshot import APPROACH, LIMITER, PURSUIT_CAMERA, SETPOINT, STATE, TRACK, Snapshot
 from ground.console.target import ground_point_m
 
 _PERIOD_NS = 100_000_000

@@ -11,8 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.messages import Track
+from ground.console.captions import target_caption
 from ground.console.overlay import GREEN, ORANGE, Caption, Letterbox, Painter, decode, on_canvas
-from ground.console.pictures import BoxRefused, Shown, choose_picture, drawn_box, target_caption
+from ground.console.pictures import BoxRefused, Shown, choose_picture, drawn_box
 from ground.console.scene import Trail
 from ground.console.snapshot import TRACK, Picture, Snapshot
 

@@ -36,10 +36,11 @@ from ground.console.cards import (
     nodes_html,
     target_html,
 )
+from ground.console.collector import Collector
 from ground.console.config import ConsoleConfig
 from ground.console.page import next_actions
 from ground.console.plot import ErrorHistory
-from ground.console.snapshot import APPROACH, STATE, STATUS, TRACK, Collector, Snapshot, picture_topic
+from ground.console.snapshot import APPROACH, STATE, STATUS, TRACK, Snapshot, picture_topic
 from ground.console.target import bearing_rad, ground_point_m, pixels_of, point_on_ray
 
 CONFIG = ConsoleConfig()

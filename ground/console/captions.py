@@ -1,0 +1,42 @@
+"""The words on the picture."""
+
+from __future__ import annotations
+
+from ground.console.overlay import GREEN, GREY, ORANGE, RED, Caption
+from ground.console.snapshot import APPROACH, PURSUIT_CAMERA, TRACK, Snapshot
+
+
+def target_caption(view: Snapshot) -> Caption:
+    """The word about the target, state and how long ago it was seen; through another camera than the chase's, the
+    word about what is approached."""
+    if view.shown != PURSUIT_CAMERA:
+        return _approach_caption(view)
+    track = view.track
+    if track is None:
+        return Caption("NO PURSUIT", GREY)
+    if not view.fresh(TRACK):
+        return Caption(f"NO TRACK  {view.age_ms(TRACK) / 1000:.1f} s", RED)
+    if track.state == "tracking":
+        return Caption(f"TRACKING  {view.track_age_ms:.0f} ms", GREEN)
+    if track.state == "lost":
+        since = f"  {view.tracked_ago_ms / 1000:.1f} s" if view.tracked_ago_ms >= 0 else ""
+        return Caption(f"LOST{since}", ORANGE)
+    return Caption("NO TARGET", GREY)
+
+
+def _approach_caption(view: Snapshot) -> Caption:
+    target = view.approach if view.fresh(APPROACH) else None
+    if target is None or target.state == "idle":
+        return Caption("NO SELECTION", GREY)
+    word = {"tracking": f"{target.distance_m:.1f} m, TO {target.goal_m:.1f} m", "lost": "LOST"}[target.state]
+    return Caption(word, GREEN if target.state == "tracking" else ORANGE)
+
+
+def hint(view: Snapshot) -> str:
+    """What the operator may draw on the picture; empty when there is nothing to say."""
+    if view.shown != PURSUIT_CAMERA:
+        idle = view.approach is None or not view.fresh(APPROACH) or view.approach.state == "idle"
+        return "Draw a box to approach it" if idle else ""
+    if view.track is not None and view.fresh(TRACK) and view.track.state != "tracking":
+        return "Draw a box around the target"
+    return ""
