@@ -58,6 +58,8 @@ class Nearby:
     """How far from there it may have come, px."""
     angle_rad: float
     """Rotation, rad."""
+    heading_known: float = 1.0
+    """How far that rotation still says something, 1 to 0: a target long out of sight may have turned round."""
 
 
 @dataclass(frozen=True)
@@ -174,7 +176,7 @@ class _Judge:
         if self._nearby is None:
             return 0.0
         away_px = math.dist(state[:PSI], self._nearby.center_px)
-        turned = (1.0 - math.cos(state[PSI] - self._nearby.angle_rad)) / 2
+        turned = self._nearby.heading_known * (1.0 - math.cos(state[PSI] - self._nearby.angle_rad)) / 2
         return _AWAY_COST * min(1.0, away_px / self._nearby.reach_px) + _TURNED_COST * turned
 
 

@@ -26,6 +26,8 @@ _SWEPT = 4
 """Angles on either side at which the mean state is tried."""
 _REACH_1_S = 3.0
 """How far the target may have come from where it is expected, target sizes for each second out of sight."""
+_HEADING_KNOWN_S = (2.0, 6.0)
+"""Until when the heading of a target out of sight is believed as before, and from when on not at all."""
 
 _FOUND_FACTOR = 1.1
 """Largest distance of what a search finds, over that of a healthy picture."""
@@ -188,7 +190,8 @@ class ParticleFilterTracker:
         others = self._light.jumps(frame)
         gain = others[turn // 2 % len(others)] if turn % 2 and others else self._light.gain
         reach_px = self._usual_size_px * (1.0 + _REACH_1_S * self._unseen_s)
-        nearby = Nearby(expected.center_px, reach_px, expected.angle_rad)
+        heading_known = float(np.interp(self._unseen_s, _HEADING_KNOWN_S, (1.0, 0.0)))
+        nearby = Nearby(expected.center_px, reach_px, expected.angle_rad, heading_known)
         found = self._search(frame, gain, nearby)
         if found is not None and found.cost <= self._found_limit:
             self._start_on(found, frame, t_ns)

@@ -98,6 +98,17 @@ def test_of_two_that_look_alike_the_one_near_the_expected_place_is_taken(model: 
         assert found.cost >= found.distance
 
 
+def test_a_heading_long_out_of_sight_costs_nothing(model: HistogramModel) -> None:
+    frame = _frame(Pose(320.0, 240.0, math.pi))
+    near = (320.0, 240.0)
+    just_lost = _search(frame, model, size_px=SIZE_PX, nearby=Nearby(near, 100.0, 0.0))
+    long_lost = _search(frame, model, size_px=SIZE_PX, nearby=Nearby(near, 100.0, 0.0, heading_known=0.0))
+
+    assert just_lost.cost > just_lost.distance + 0.04
+    assert long_lost.cost < long_lost.distance + 0.01
+    assert abs(math.remainder(long_lost.state[2] - math.pi, 2 * math.pi)) < 0.2
+
+
 def test_the_gain_undoes_the_light(model: HistogramModel) -> None:
     frame = _frame(Pose(320.0, 240.0), gain=0.6)
     relit = search(frame, model, LIT / 0.6, np.random.default_rng(3), SIZE_PX)
