@@ -219,16 +219,29 @@ def browser() -> Iterator[Browser]:
 
 def open_view(browser: Browser, console: Console) -> View:
     """The console's page in a window of its own, with the first words from the vehicle on it."""
-    page = browser.new_page(viewport={"width": 1000, "height": 560})  # software GL pays for every pixel
+    view = View(browser.new_page(viewport={"width": 1000, "height": 560}))  # software GL pays for every pixel
+    load(view, console)
+    return view
+
+
+def load(view: View, console: Console) -> None:
+    """Load the console's page, and wait for the first words from the vehicle on it."""
+    page = view.page
     page.goto(console.url)
-    view = View(page)
     view.wait_text("Commanded by", 3 * WAIT_MS)  # a busy machine takes its time to load it
     # On software GL the page warns, top left over the picture, where a test may want to draw.
     notice = page.locator(".mantine-Notification-closeButton")
     if notice.count():
         notice.first.click()
         notice.first.wait_for(state="detached")
-    return view
+
+
+@pytest.fixture
+def nobody_else_looks(browser: Browser) -> None:
+    """No other page draws: two of them starve each other on software GL."""
+    for context in browser.contexts:
+        for page in context.pages:
+            page.goto("about:blank")
 
 
 @pytest.fixture(scope="session")
@@ -240,9 +253,11 @@ def long_lived_view(browser: Browser, console: Console, long_lived_vehicle: Scri
 
 
 @pytest.fixture
-def view(long_lived_view: View, vehicle: ScriptedVehicle) -> View:
+def view(long_lived_view: View, console: Console, vehicle: ScriptedVehicle) -> View:
     """The page as it is when it was just loaded: the picture, the first tab, no notes, no hand on the stick."""
     page = long_lived_view.page
+    if page.url == "about:blank":
+        load(long_lived_view, console)
     for button in (
         page.get_by_role("button", name="Show picture"),
         page.frame_locator("#outrider-stick").get_by_role("button", name="Let go"),

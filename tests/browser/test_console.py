@@ -214,6 +214,7 @@ def test_three_d_view_and_back(view: View, vehicle: ScriptedVehicle) -> None:
     wait_for(lambda: _colourfulness(view.pixels()) > 20, what="the picture again")
 
 
+@pytest.mark.usefixtures("nobody_else_looks")
 def test_page_says_so_when_the_console_hangs(browser: Browser, own_console: Console, vehicle: ScriptedVehicle) -> None:
     view = open_view(browser, own_console)
     time.sleep(2.0)
