@@ -64,11 +64,11 @@ class Found:
 
     @property
     def box_px(self) -> Box:
-        """x, y, width, height in the picture: of the region, and of the joints where the depth picture ends before the
-        person does."""
+        """x, y, width, height in the picture, of the region and of the joints that are seen: to the region, an arm on
+        the ground is floor, and the depth picture may end before the person does."""
         x, y, w, h = self.sight.region.box_px
         seen = self.pose.joints_px[self.pose.confidence > _SEEN]
-        if not self.sight.region.cut or not len(seen):
+        if not len(seen):
             return x, y, w, h
         low = np.minimum(np.floor(seen.min(axis=0)).astype(int), (x, y))
         high = np.maximum(np.ceil(seen.max(axis=0)).astype(int), (x + w, y + h))
