@@ -20,13 +20,16 @@ from onboard.limiter.constraints import (
     towards,
 )
 from onboard.limiter.law import Zone, zone
-from onboard.limiter.project import project, project_many, retreat, retreat_many
+from onboard.limiter.project import FULLY_BACK_M_S, project, project_many, retreat, retreat_many
 from onboard.limiter.surroundings import Surroundings
 from onboard.limiter.volume import edges
 
 Array = np.ndarray
 Why = Literal["clear", "curve", "bound", "blind", "floor", "ceiling", "fence", "push-back", "no data"]
 _CHANGED_M_S = 1e-6
+_ROUNDING_M_S = 1e-7
+_OPEN_M_S = 10.0
+"""Beyond every speed that is flown."""
 _BRAKING_FROM_M_S = 0.1
 _ZERO: Vec3 = (0.0, 0.0, 0.0)
 
@@ -158,7 +161,8 @@ def _straight(v: Array, away: Array, normals: Array, firm: Array) -> Array:
     """As far from v (..., 3), which keeps to the firm bounds, towards another velocity as they allow, (..., 3), m/s."""
     step = towards(normals, away - v)
     room = np.maximum(firm - towards(normals, v), 0.0)
-    shares = np.where(step > room, room / np.maximum(step, 1e-12), 1.0)
+    # Along a bound that it already touches a step is a rounding error, of either sign: it must not decide.
+    shares = np.where(step > room + _ROUNDING_M_S, room / np.maximum(step, _ROUNDING_M_S), 1.0)
     return v + shares.min(axis=-1)[..., None] * (away - v)
 
 
@@ -169,7 +173,10 @@ def _braking_share(rows: Bounds) -> Array:
 
 def _firm(rows: Bounds) -> Array:
     """Bounds while braking and backing away, m/s: no approach where that is called for, else the hard bounds alone."""
-    return np.where(rows.bounds_m_s < 0.0, 0.0, np.where(rows.firm, rows.bounds_m_s, np.inf))
+    bounds = rows.bounds_m_s
+    # A curve closes by and by below zero: one that rounding puts there says nothing.
+    closing = np.where(bounds < 0.0, _OPEN_M_S * np.maximum(1.0 + bounds / FULLY_BACK_M_S, 0.0), np.inf)
+    return np.where(rows.firm, np.maximum(bounds, 0.0), closing)
 
 
 def _rows(

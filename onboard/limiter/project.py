@@ -18,6 +18,8 @@ Array = np.ndarray
 
 TOLERANCE_M_S = 1e-9
 _STIFFNESS = 50.0
+FULLY_BACK_M_S = 0.05
+"""A bound this far below zero is backed away from in full; nearer to zero less so, for rounding must not decide."""
 _NEWTON_STEPS = 12
 _IDENTITY = np.eye(3)
 
@@ -44,9 +46,9 @@ def project(v_m_s: Array, normals: Array, bounds_m_s: Array) -> Array:
 def retreat(v_m_s: Array, normals: Array, bounds_m_s: Array) -> Array:
     """Velocity that backs away, as nearly as they agree, from everything whose bound is below zero.
 
-    Minimises |w - v|² + stiffness · Σ max(w·n_k - bound_k, 0)² over the half-spaces with a negative bound: retreats
-    from opposite sides cannot both be had, and this blends them continuously. The result is cut to the speed
-    hypot(|v|, fastest retreat).
+    Minimises |w - v|² + Σ stiffness_k · max(w·n_k - bound_k, 0)² over the half-spaces with a negative bound: retreats
+    from opposite sides cannot both be had, and this blends them continuously. The stiffness fades in where a bound
+    falls below zero. The result is cut to the speed hypot(|v|, fastest retreat).
 
     Args:
         v_m_s: velocity, m/s, (3,).
@@ -57,11 +59,13 @@ def retreat(v_m_s: Array, normals: Array, bounds_m_s: Array) -> Array:
     if not back.any():
         return v_m_s
     n, b = normals[back], bounds_m_s[back]
+    stiffness = _STIFFNESS * np.minimum(-b / FULLY_BACK_M_S, 1.0)
     w = v_m_s
     active = n @ w > b
     for _ in range(_NEWTON_STEPS):  # the cost is piecewise quadratic: Newton ends when the active pieces stay
         m = n[active]
-        w = np.linalg.solve(_IDENTITY + _STIFFNESS * (m.T @ m), v_m_s + _STIFFNESS * (m.T @ b[active]))
+        pull = m.T * stiffness[active]
+        w = np.linalg.solve(_IDENTITY + pull @ m, v_m_s + pull @ b[active])
         now = n @ w > b
         if (now == active).all():
             break

@@ -28,6 +28,8 @@ FULL_M_S = 2.1
 HEIGHT_M = 1.6
 NEAR_M = 0.45
 """So far beyond h_desired a stop still is one before the obstacle, m."""
+BESIDE_M = 0.7
+"""The same before somebody slender, whom a stick held on slides round, m."""
 FREEZE_AT_M, FREEZE_S = 4.0, 5.0
 CROSSING_NORTH_M = 6.2
 """Where the person stops in the vehicle's way: about where it stands before the barrel."""
@@ -231,7 +233,7 @@ def test_a_person_walks_into_the_way(pilot: Pilot) -> None:
     print(f"walking person: {leg.closest_m('person'):.2f} m, at the end {leg.last_m('person')[0]:.2f} m")
     assert walked[0] > 0.6 and min(walked) < 0.1, "the person came and stopped"
     assert leg.closest_m() >= pilot.law.h_min_m
-    assert leg.last_m("person")[0] <= pilot.law.h_desired_m + NEAR_M, "it stands before the person"
+    assert leg.last_m("person")[0] <= pilot.law.h_desired_m + BESIDE_M, "it stands before the person"
     assert max(leg.speeds_m_s()) > 0.8
 
 
@@ -241,5 +243,5 @@ def test_into_a_corner_of_two_walls(pilot: Pilot) -> None:
     leg = pilot.push(FULL_M_S, 12.0, until=lambda held_s: held_s > 5.0 and pilot.still())
     print(f"corner: {leg.closest_m('wall'):.2f} m; at the end {leg.last_m('wall')}")
     assert leg.closest_m() >= pilot.law.h_min_m
-    assert max(leg.speeds_m_s()) > 1.3
+    assert max(leg.speeds_m_s()) > 0.9, "it has some three metres to gather speed"
     assert max(leg.last_m("wall")) <= pilot.law.h_desired_m + NEAR_M, "it stands in the corner, before both walls"
