@@ -101,7 +101,7 @@ class LimiterConfig(Section, frozen=True, kw_only=True):
     keep_s: Positive = 6.0
     """How long a walking obstacle that went out of view, or whose source is silent, is kept, moving on, s; within
     `h_max_m` of the vehicle `remember_s`: what should be here by now is not forgotten."""
-    spread_m_s: NonNegative = 0.1
+    spread_m_s: NonNegative = 0.2
     """How fast the place of a kept obstacle becomes uncertain, m/s."""
 
     def check(self) -> None:

@@ -231,6 +231,10 @@ class PeoplePipeline:
         t_ns = frame.capture_ns
         shown = [spot for spot in spots if self.watch.carries(spot, t_ns)]
         numbers = self.tracker.update([_detection(spot, t_ns) for spot in shown], t_ns)
+        while doubles := self.tracker.doubles():
+            newer, older = doubles[0]
+            self.merge(newer, older)
+            numbers = [older if number == newer else number for number in numbers]
         tracks = {track.number: track for track in self.tracker.tracks}
         self.walks.keep(tracks)
         found = []

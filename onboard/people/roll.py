@@ -29,7 +29,6 @@ class Roll:
     def __init__(self, pipeline: PeoplePipeline):
         self._pipeline = pipeline
         self._names: dict[int, str] = {}
-        self._merged: dict[int, tuple[int, ...]] = {}
 
     def obey(self, order: str, command: Command) -> Reply:
         """Rename, merge or dismiss somebody.
@@ -54,8 +53,9 @@ class Roll:
         return People(people=tuple(self._person(track, track.number in shown, t_ns) for track in tracks))
 
     def name(self, number: int) -> str:
-        """What the operator calls a person."""
-        return self._names.get(number, person_label(number))
+        """What the operator calls a person, or called somebody who turned out to be that person."""
+        others = next((track.merged for track in self._pipeline.tracks if track.number == number), ())
+        return next((self._names[n] for n in (number, *others) if n in self._names), person_label(number))
 
     def _person(self, track: Track, shown: bool, t_ns: int) -> Person:
         state = "seen" if shown else "away"
@@ -69,7 +69,7 @@ class Roll:
             first_seen_ns=track.first_ns,
             last_seen_ns=track.seen_ns,
             pictures=track.hits,
-            merged=self._merged.get(track.number, ()),
+            merged=track.merged,
         )
 
     def _rename(self, command: Command) -> str:
@@ -89,10 +89,6 @@ class Roll:
             raise OrderRefused(f"label and into: got {person_label(number)} twice, expected two people")
         gone = self.name(number)
         self._pipeline.merge(number, into)
-        self._merged[into] = (*self._merged.get(into, ()), number, *self._merged.pop(number, ()))
-        if number in self._names and into not in self._names:
-            self._names[into] = self._names[number]
-        self._names.pop(number, None)
         return f"{gone} and {person_label(into)} are one person, {self.name(into)}"
 
     def _dismiss(self, command: Command) -> str:
@@ -106,9 +102,9 @@ class Roll:
             if label in (person_label(track.number), self.name(track.number)):
                 return track.number
         known = ", ".join(self.name(track.number) for track in self._pipeline.tracks) or "nobody was found yet"
-        for number, others in self._merged.items():
-            if label in map(person_label, others):
-                raise OrderRefused(f"{field}: {label} is one with {person_label(number)}")
+        for track in self._pipeline.tracks:
+            if label in map(person_label, track.merged):
+                raise OrderRefused(f"{field}: {label} is one with {person_label(track.number)}")
         raise OrderRefused(f"{field}: got {label!r}, which is nobody; expected one of: {known}")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -62,6 +63,8 @@ class Track:
     """(3, 3) covariance at `seen_ns`."""
     dismissed: bool = False
     """Whether it is nobody: it keeps its looks, so that it is not taken for somebody new."""
+    merged: tuple[int, ...] = ()
+    """Numbers that turned out to be this person."""
 
 
 class PeopleTracker:
@@ -76,6 +79,7 @@ class PeopleTracker:
         self.tracks: list[Track] = []
         self._next = 1
         self._last_ns: int | None = None
+        self._together: set[frozenset[int]] = set()
 
     def update(self, detections: Sequence[Detection], t_ns: int) -> list[int]:
         """Number of the person that each detection shows; 0 for one that is not fresh and whose person is gone.
@@ -99,8 +103,28 @@ class PeopleTracker:
         for index, detection in enumerate(detections):
             if not numbers[index] and detection.fresh:
                 numbers[index] = self._begin(detection, t_ns)
+        self._together |= {frozenset(pair) for pair in combinations((n for n in numbers if n), 2)}
         self._drop_doubtful(t_ns)
         return numbers
+
+    def doubles(self) -> list[tuple[int, int]]:
+        """Pairs (newer, older number) that are one person, as far as place and looks say.
+
+        What was first seen of somebody, at the picture's edge, may lie too far from where they are for the second sight
+        to be theirs; once the places agree, the evidence decides that would have then. Who were in one picture are two.
+        """
+        believed = sorted((t for t in self.tracks if t.confirmed and not t.dismissed), key=lambda t: t.number)
+        return [(newer.number, older.number) for older, newer in combinations(believed, 2) if self._one(older, newer)]
+
+    def _one(self, older: Track, newer: Track) -> bool:
+        if older.ned_p_m is None or newer.ned_p_m is None or {older.number, newer.number} in self._together:
+            return False
+        if float(np.linalg.norm((older.ned_p_m - newer.ned_p_m)[:2])) > self.config.near_m:
+            return False
+        costs = (
+            match_cost(older.looks, older.pose, look, newer.pose, float("inf"), self.config) for look in newer.looks
+        )
+        return min(costs) * self.config.near_factor < self.config.gate
 
     def dismiss(self, number: int) -> None:
         """Take a person for nobody from now on.
@@ -136,8 +160,10 @@ class PeopleTracker:
             ned_p_m=kept.ned_p_m if newer.ned_p_m is None else newer.ned_p_m,
             ned_p_cov_m2=kept.ned_p_cov_m2 if newer.ned_p_m is None else newer.ned_p_cov_m2,
             dismissed=kept.dismissed,
+            merged=(*kept.merged, number, *gone.merged),
         )
         del self.tracks[self._row(number)]
+        self._together |= {frozenset({into, *pair} - {number}) for pair in self._together if number in pair}
 
     def _row(self, number: int) -> int:
         return {track.number: row for row, track in enumerate(self.tracks)}[number]

@@ -193,6 +193,24 @@ def test_place_and_unbroken_sight_count_for_who_it_is():
     assert number(replace(other, **away, known=1)) == 1, "in the region it is the same person"
 
 
+@pytest.mark.parametrize("together", [False, True])
+def test_who_turns_out_to_be_in_the_same_place_is_one_person_unless_both_were_in_one_picture(together: bool):
+    known = {"ned_p_cov_m2": 0.04 * np.eye(3)}
+    first = _detection("red over blue", ned_p_m=np.array([3.0, 1.0, 0.0]), **known)
+    other = _detection("red over blue", math.radians(20), 0.5, ned_p_m=np.array([3.9, 1.0, 0.0]), **known)
+    cost = match_cost([first.look], first.pose, other.look, other.pose, 60.0, CONFIG)
+    tracker = PeopleTracker(msgspec.structs.replace(CONFIG, gate=0.75 * cost, confirm_hits=1))
+    assert tracker.update([first], 0) == [1]
+    assert tracker.update([other, first] if together else [other], 2 * SECOND) == ([2, 1] if together else [2])
+    assert tracker.doubles() == [], "too far apart"
+    for step in range(20):
+        nearer = replace(other, ned_p_m=np.array([3.1, 1.0, 0.0]), known=2)
+        assert tracker.update([nearer], 3 * SECOND + step * SECOND // 10) == [2]
+    assert tracker.doubles() == ([] if together else [(2, 1)])
+    tracker.merge(2, 1)
+    assert [(t.number, t.merged) for t in tracker.tracks] == [(1, (2,))]
+
+
 def test_who_has_no_pose_of_their_own_goes_on_as_the_region_says():
     first, second = _detection("red over blue"), _detection("green over black")
     tracker = PeopleTracker(CONFIG)
