@@ -56,7 +56,7 @@ def recorded(make_stack: MakeStack) -> Iterator[tuple[Stack, Publisher, Seen]]:
     health = Seen(stack.bus("ground"), "health/recorder")
     publisher = Publisher(stack.bus("onboard", "camera"))
     try:
-        wait_for("recording", stack, lambda: health.last is not None and health.last.metrics["messages"] > 60)
+        wait_for("recording", stack, lambda: health.last is not None and health.last.metrics["messages"] > 160)
         yield stack, publisher, health
     finally:
         publisher.end()

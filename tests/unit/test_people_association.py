@@ -195,9 +195,10 @@ def test_place_and_unbroken_sight_count_for_who_it_is():
 
 @pytest.mark.parametrize("together", [False, True])
 def test_who_turns_out_to_be_in_the_same_place_is_one_person_unless_both_were_in_one_picture(together: bool):
-    known = {"ned_p_cov_m2": 0.04 * np.eye(3)}
-    first = _detection("red over blue", ned_p_m=np.array([3.0, 1.0, 0.0]), **known)
-    other = _detection("red over blue", math.radians(20), 0.5, ned_p_m=np.array([3.9, 1.0, 0.0]), **known)
+    covariance = 0.04 * np.eye(3)
+    first = _detection("red over blue", ned_p_m=np.array([3.0, 1.0, 0.0]), ned_p_cov_m2=covariance)
+    there = np.array([3.9, 1.0, 0.0])
+    other = _detection("red over blue", math.radians(20), 0.5, ned_p_m=there, ned_p_cov_m2=covariance)
     cost = match_cost([first.look], first.pose, other.look, other.pose, 60.0, CONFIG)
     tracker = PeopleTracker(msgspec.structs.replace(CONFIG, gate=0.75 * cost, confirm_hits=1))
     assert tracker.update([first], 0) == [1]
