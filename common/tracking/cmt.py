@@ -9,12 +9,12 @@ is the target, and what lies outside it is thrown away: background that flow has
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import cv2
 import numpy as np
 
-from common.tracking.base import Box, Expectation, TrackResult, TrackState, check_box, check_frame
+from common.tracking.base import Box
+from common.tracking.box_tracker import BoxTracker, Step
 from common.tracking.cmt_config import CmtConfig
 from common.tracking.cmt_consensus import largest_cluster, rotated, similarity_of
 from common.tracking.cmt_keypoints import Keypoints, View, differing, unique_matches
@@ -31,7 +31,7 @@ _LARGEST_SEARCH_PX = 1280
 """Longer side of the picture in which the whole is searched, px."""
 
 
-class CmtTracker:
+class CmtTracker(BoxTracker):
     """Tracks a rotating and growing box. See `common.tracking.base.Tracker`.
 
     Args:
@@ -40,21 +40,18 @@ class CmtTracker:
     """
 
     config_type = CmtConfig
+    name = "cmt"
 
     def __init__(self, config: CmtConfig, rng: np.random.Generator):
         del rng
+        super().__init__(config)
         self._config = config
-        self._result: TrackResult | None = None
 
     def init(self, frame: np.ndarray, box: Box, angle_rad: float = 0.0, t_ns: int | None = None) -> None:
         """Learn the keypoints within the box, and those around it as what is not the target."""
-        check_frame(frame)
-        check_box(frame, box, angle_rad)
-        self._shape, self._t_ns = frame.shape, t_ns
-        self._base = np.array(box[2:], float)
+        self._begin(frame, box, angle_rad, t_ns)
+        self._angle = angle_rad
         self._side = math.sqrt(float(self._base.prod()))
-        self._center = np.array([box[0] + box[2] / 2, box[1] + box[3] / 2])
-        self._scale, self._angle = 1.0, angle_rad
         self._keypoints = Keypoints(self._config.spacing_px)
         self._grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
         places, descriptors = self._look(self._grey, self._config.keypoints)
@@ -66,7 +63,6 @@ class CmtTracker:
         self._noise: list[float] = []
         self._active = np.arange(self._first)
         self._places = places[own].astype(np.float32)
-        self._unseen, self._unseen_ns, self._number = 0, 0, 0
         self._result = self._report(1.0, "tracking")
 
     def place(self, frame: np.ndarray, box: Box) -> None:
@@ -75,29 +71,11 @@ class CmtTracker:
         Raises:
             ValueError: not started, or a bad box.
         """
-        if self._result is None:
-            raise ValueError("cmt: place before init; select a target first")
-        check_box(frame, box, 0.0)
-        self._center = np.array([box[0] + box[2] / 2, box[1] + box[3] / 2])
-        self._scale = self._bounded(math.sqrt(box[2] * box[3]) / self._side)
+        super().place(frame, box)
         self._active, self._places = np.zeros(0, int), np.zeros((0, 2), np.float32)
-        self._unseen = 0
 
-    def expect(self, expectation: Expectation) -> None:
-        """Look for keypoints where the target is expected."""
-        if self._result is not None and self._unseen == 0:
-            self._center = self._center + np.array(expectation.moved_px)
-
-    def update(self, frame: np.ndarray, t_ns: int) -> TrackResult:
+    def _step(self, frame: np.ndarray) -> Step:
         """Follow, match, vote; a search of the whole picture where too few agree."""
-        if self._result is None:
-            raise ValueError("cmt: update before init; select a target first")
-        check_frame(frame, self._shape)
-        if self._t_ns is not None and t_ns < self._t_ns:
-            raise ValueError(f"t_ns: got {t_ns}, expected at least the previous picture's {self._t_ns}")
-        elapsed_ns = 0 if self._t_ns is None else t_ns - self._t_ns
-        self._t_ns = t_ns
-        self._number += 1
         grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
         before = (self._center, self._scale, self._angle)
         score, again = self._follow(grey), False
@@ -109,17 +87,9 @@ class CmtTracker:
                 if not again:
                     self._center, self._scale, self._angle = before
         self._grey = grey
-        if score >= 0.5:
-            self._unseen, self._unseen_ns = 0, 0
-        else:
-            self._unseen += 1
-            if self._unseen > self._config.patience:
-                self._active, self._places = np.zeros(0, int), np.zeros((0, 2), np.float32)
-            self._unseen_ns += elapsed_ns
-        gone = self._unseen_ns > self._config.lost_after_s * 1e9
-        state: TrackState = "tracking" if score >= 0.5 else "lost" if gone else "predicted"
-        self._result = replace(self._report(score, state), reinitialised=again)
-        return self._result
+        if score < 0.5 and self._unseen >= self._config.patience:
+            self._active, self._places = np.zeros(0, int), np.zeros((0, 2), np.float32)
+        return Step(score, score >= 0.5, again)
 
     def _follow(self, grey: np.ndarray) -> float:
         """Carry the keypoints on and look around where they went; returns the score, 0.5 at its limit."""
@@ -282,14 +252,3 @@ class CmtTracker:
         distances = np.where(self._near(places, missing, reach), own[:, missing], np.float32(1.0))
         rows, columns = unique_matches(distances, self._config.near_distance)
         return np.concatenate([numbers, missing[columns]]), np.concatenate([seen, places[rows]])
-
-    def _bounded(self, scale: float) -> float:
-        smallest = 6.0 / float(self._base.min())
-        limit = self._config.max_scale
-        return min(max(scale, 1.0 / limit, smallest), limit)
-
-    def _report(self, score: float, state: TrackState) -> TrackResult:
-        width, height = self._base * self._scale
-        center = (float(self._center[0]), float(self._center[1]))
-        angle = math.remainder(self._angle, 2 * math.pi)
-        return TrackResult(center, (float(width), float(height)), angle, score, 0.5, state, 0.0)

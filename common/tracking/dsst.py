@@ -9,13 +9,13 @@ target is seen: what it looks like now, and what else in the picture looks like 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import cv2
 import numpy as np
 
 from common.tracking.appearance import Appearance, upright_patch
-from common.tracking.base import Box, Expectation, TrackResult, TrackState, check_box, check_frame
+from common.tracking.base import Box
+from common.tracking.box_tracker import BoxTracker, Step
 from common.tracking.correlation import CorrelationFilter, peak_of, peak_to_sidelobe
 from common.tracking.dsst_config import DsstConfig
 from common.tracking.hog import CELL_PX, gradients_of_cells
@@ -32,7 +32,7 @@ _APART = 0.2
 """Largest overlap with the target of what counts as background."""
 
 
-class DsstTracker:
+class DsstTracker(BoxTracker):
     """Tracks an upright box. See `common.tracking.base.Tracker`.
 
     Args:
@@ -41,22 +41,18 @@ class DsstTracker:
     """
 
     config_type = DsstConfig
+    name = "dsst"
 
     def __init__(self, config: DsstConfig, rng: np.random.Generator):
         del rng
+        super().__init__(config)
         self._config = config
-        self._result: TrackResult | None = None
         half = config.scales // 2
         self._steps = config.scale_step ** np.arange(-half, config.scales - half, dtype=float)
 
     def init(self, frame: np.ndarray, box: Box, angle_rad: float = 0.0, t_ns: int | None = None) -> None:
         """Learn both filters and the first patch; a rotation of the box is not followed."""
-        check_frame(frame)
-        check_box(frame, box, angle_rad)
-        x, y, width, height = box
-        self._base = np.array([width, height])
-        self._scale = 1.0
-        self._center = np.array([x + width / 2, y + height / 2])
+        self._begin(frame, box, angle_rad, t_ns)
         window = self._base * self._config.padding
         self._cells = np.maximum(8, np.round(window / math.sqrt(window.prod()) * self._config.window_cells)).astype(int)
         spread = self._config.spread / self._config.padding * self._cells[::-1]
@@ -65,61 +61,26 @@ class DsstTracker:
         count = len(self._steps)
         self._size = CorrelationFilter((count, 1), (count / 16, 0.0), self._config.regularisation)
         self._appearance = Appearance()
-        self._shape, self._t_ns, self._unseen, self._unseen_ns = frame.shape, t_ns, 0, 0
-        self._number, self._ratio = 0, 0.0
+        self._ratio = 0.0
         grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
         self._appearance.learn_target(upright_patch(grey, box))
         self._learn(frame, grey, 1.0)
         self._learn_background(grey)
         self._result = self._report(1.0, "tracking")
 
-    def place(self, frame: np.ndarray, box: Box) -> None:
-        """Go on from a box that somebody else found, without learning anything from it.
-
-        Raises:
-            ValueError: not started, or a bad box.
-        """
-        if self._result is None:
-            raise ValueError("dsst: place before init; select a target first")
-        check_box(frame, box, 0.0)
-        self._center = np.array([box[0] + box[2] / 2, box[1] + box[3] / 2])
-        self._set_scale(math.sqrt(box[2] * box[3] / float(self._base.prod())))
-        self._unseen = 0
-
-    def expect(self, expectation: Expectation) -> None:
-        """Start the search of the next picture where the target is expected."""
-        if self._result is not None and self._unseen == 0:
-            self._center = self._center + np.array(expectation.moved_px)
-
-    def update(self, frame: np.ndarray, t_ns: int) -> TrackResult:
+    def _step(self, frame: np.ndarray) -> Step:
         """Place, then size, then whether that is the target at all; a search of the whole picture if not."""
-        if self._result is None:
-            raise ValueError("dsst: update before init; select a target first")
-        check_frame(frame, self._shape)
-        if self._t_ns is not None and t_ns < self._t_ns:
-            raise ValueError(f"t_ns: got {t_ns}, expected at least the previous picture's {self._t_ns}")
-        elapsed_ns = 0 if self._t_ns is None else t_ns - self._t_ns
-        self._t_ns = t_ns
-        self._number += 1
         grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
         before = (self._center.copy(), self._scale)
-        score = self._follow(frame, grey)
-        again = False
+        score, again = self._follow(frame, grey), False
         if score < 0.5:
             # What was followed is not the target: the next picture is searched from the last good place.
             self._center, self._scale = before
             if self._unseen >= self._config.patience and (found := self._search(frame, grey)) is not None:
                 score, again = found, True
         if score >= 0.5:
-            self._unseen, self._unseen_ns = 0, 0
             self._learn_from(frame, grey, score)
-        else:
-            self._unseen += 1
-            self._unseen_ns += elapsed_ns
-        gone = self._unseen_ns > self._config.lost_after_s * 1e9
-        state: TrackState = "tracking" if score >= 0.5 else "lost" if gone else "predicted"
-        self._result = replace(self._report(score, state), reinitialised=again)
-        return self._result
+        return Step(score, score >= 0.5, again)
 
     def _follow(self, frame: np.ndarray, grey: np.ndarray) -> float:
         """Move to the peak of the place filter, then of the size filter; returns the score, 0.5 at its limits."""
@@ -128,7 +89,7 @@ class DsstTracker:
         self._center = self._center + np.array([columns, rows]) / self._cells * self._window
         self._hold_in_picture()
         steps, _ = peak_of(self._size.response(self._size_features(grey)))
-        self._set_scale(self._scale * self._config.scale_step**steps)
+        self._scale = self._bounded(self._scale * self._config.scale_step**steps)
         similarity, _ = self._appearance.similarity(upright_patch(grey, self._box))
         self._ratio = peak_to_sidelobe(response)
         return self._score(self._ratio, similarity)
@@ -141,7 +102,7 @@ class DsstTracker:
     def _search(self, frame: np.ndarray, grey: np.ndarray) -> float | None:
         """Look for the target in the whole picture; returns the score there, or None and nothing is changed."""
         before = (self._center, self._scale)
-        size = (float(self._base[0] * self._scale), float(self._base[1] * self._scale))
+        size = (float(self._size_px[0]), float(self._size_px[1]))
         scale = (_SCALES_SEARCHED[self._number % len(_SCALES_SEARCHED)],)
         for candidate in self._appearance.search(grey, size, scale, _CANDIDATES)[:2]:
             config = self._config
@@ -149,7 +110,7 @@ class DsstTracker:
                 break
             x, y, width, height = candidate.box
             self._center = np.array([x + width / 2, y + height / 2])
-            self._set_scale(before[1] * width / size[0])
+            self._scale = self._bounded(before[1] * width / size[0])
             score = self._follow(frame, grey)
             if score >= 0.5:
                 return score
@@ -168,7 +129,7 @@ class DsstTracker:
         self._size.learn(self._size_features(grey), rate if rate == 1.0 else self._config.scale_learning_rate)
 
     def _learn_background(self, grey: np.ndarray) -> None:
-        size = (float(self._base[0] * self._scale), float(self._base[1] * self._scale))
+        size = (float(self._size_px[0]), float(self._size_px[1]))
         own = self._report(1.0, "tracking")
         for candidate in self._appearance.search(grey, size, (1.0,), _CANDIDATES):
             if own.overlap(candidate.box) < _APART:
@@ -190,7 +151,7 @@ class DsstTracker:
     def _size_features(self, grey: np.ndarray) -> np.ndarray:
         """Gradients of the target's box at each size, (scales, 1, entries), level after level."""
         side = _SCALE_SIDE_CELLS * CELL_PX
-        size = self._base * self._scale
+        size = self._size_px
         patches = np.empty((len(self._steps), side, side), np.float32)
         for index, step in enumerate(self._steps):
             width, height = size * step
@@ -201,25 +162,12 @@ class DsstTracker:
     @property
     def _window(self) -> np.ndarray:
         """Width and height of the searched window, px."""
-        return self._base * self._scale * self._config.padding
+        return self._size_px * self._config.padding
 
     @property
     def _box(self) -> Box:
-        width, height = self._base * self._scale
+        width, height = self._size_px
         return float(self._center[0] - width / 2), float(self._center[1] - height / 2), float(width), float(height)
-
-    def _set_scale(self, scale: float) -> None:
-        smallest = 6.0 / float(self._base.min())
-        limit = self._config.max_scale
-        self._scale = min(max(scale, 1.0 / limit, smallest), limit)
-
-    def _hold_in_picture(self) -> None:
-        self._center = np.clip(self._center, 0.0, [self._shape[1] - 1.0, self._shape[0] - 1.0])
-
-    def _report(self, score: float, state: TrackState) -> TrackResult:
-        width, height = self._base * self._scale
-        place = (float(self._center[0]), float(self._center[1]))
-        return TrackResult(place, (float(width), float(height)), 0.0, score, 0.5, state, 0.0)
 
 
 def _cut(picture: np.ndarray, box: Box, size: tuple[int, int]) -> np.ndarray:

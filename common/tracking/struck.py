@@ -9,11 +9,11 @@ says that the target is not seen where it is far below, and then searches the wh
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
-from common.tracking.base import Box, Expectation, TrackResult, TrackState, check_box, check_frame
+from common.tracking.base import Box
+from common.tracking.box_tracker import BoxTracker, Step
 from common.tracking.struck_config import StruckConfig
 from common.tracking.struck_features import SIDE, SIZE, Window
 from common.tracking.struck_svm import StructuredSvm
@@ -32,7 +32,7 @@ _MEMORY = 0.05
 """Share of a new picture in the usual value of the discriminant."""
 
 
-class StruckTracker:
+class StruckTracker(BoxTracker):
     """Tracks an upright box. See `common.tracking.base.Tracker`.
 
     Args:
@@ -41,11 +41,12 @@ class StruckTracker:
     """
 
     config_type = StruckConfig
+    name = "struck"
 
     def __init__(self, config: StruckConfig, rng: np.random.Generator):
+        super().__init__(config)
         self._config = config
         self._seed = int(rng.integers(2**31))
-        self._result: TrackResult | None = None
         angles = np.arange(_SPOKES) * (2 * math.pi / _SPOKES)
         rings = _RINGS[:, None, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
         self._learned = np.vstack([[[0, 0]], np.round(rings.reshape(-1, 2))]).astype(int)
@@ -57,47 +58,17 @@ class StruckTracker:
 
     def init(self, frame: np.ndarray, box: Box, angle_rad: float = 0.0, t_ns: int | None = None) -> None:
         """Learn the first pattern; a rotation of the box is not followed."""
-        check_frame(frame)
-        check_box(frame, box, angle_rad)
+        self._begin(frame, box, angle_rad, t_ns)
         config = self._config
         rng = np.random.default_rng(self._seed)
         self._machine = StructuredSvm(SIZE, config.budget, config.cost, config.kernel, rng)
-        self._base = np.array(box[2:], float)
-        self._scale = 1.0
-        self._center = np.array([box[0] + box[2] / 2, box[1] + box[3] / 2])
-        self._shape, self._t_ns = frame.shape, t_ns
-        self._unseen, self._unseen_ns, self._part = 0, 0, 0
+        self._part = 0
         self._learn(frame)
         self._usual = float(self._machine.evaluate(self._features(frame))[0])
         self._result = self._report(1.0, "tracking")
 
-    def place(self, frame: np.ndarray, box: Box) -> None:
-        """Go on from a box that somebody else found, without learning anything from it.
-
-        Raises:
-            ValueError: not started, or a bad box.
-        """
-        if self._result is None:
-            raise ValueError("struck: place before init; select a target first")
-        check_box(frame, box, 0.0)
-        self._center = np.array([box[0] + box[2] / 2, box[1] + box[3] / 2])
-        self._set_scale(math.sqrt(box[2] * box[3] / float(self._base.prod())))
-        self._unseen = 0
-
-    def expect(self, expectation: Expectation) -> None:
-        """Start the search of the next picture where the target is expected."""
-        if self._result is not None and self._unseen == 0:
-            self._center = self._center + np.array(expectation.moved_px)
-
-    def update(self, frame: np.ndarray, t_ns: int) -> TrackResult:
+    def _step(self, frame: np.ndarray) -> Step:
         """The box of highest discriminant near the last one; a search of the whole picture while none is high."""
-        if self._result is None:
-            raise ValueError("struck: update before init; select a target first")
-        check_frame(frame, self._shape)
-        if self._t_ns is not None and t_ns < self._t_ns:
-            raise ValueError(f"t_ns: got {t_ns}, expected at least the previous picture's {self._t_ns}")
-        elapsed_ns = 0 if self._t_ns is None else t_ns - self._t_ns
-        self._t_ns = t_ns
         before = (self._center, self._scale)
         value = self._follow(frame, self._reach)
         seen, again = value >= self._config.seen_share * self._usual, False
@@ -108,80 +79,54 @@ class StruckTracker:
                 seen = again = value >= self._config.found_share * self._usual
                 if not seen:
                     self._center, self._scale = before
-        if seen:
-            self._unseen, self._unseen_ns = 0, 0
-            if value >= self._config.learn_share * self._usual:
-                self._learn(frame)
-                self._usual += _MEMORY * (value - self._usual)
-        else:
-            self._unseen += 1
-            self._unseen_ns += elapsed_ns
-        gone = self._unseen_ns > self._config.lost_after_s * 1e9
-        state: TrackState = "tracking" if seen else "lost" if gone else "predicted"
+        if seen and value >= self._config.learn_share * self._usual:
+            self._learn(frame)
+            self._usual += _MEMORY * (value - self._usual)
         score = max(0.0, min(1.0, 0.5 * value / (self._config.seen_share * self._usual)))
-        self._result = replace(self._report(score if seen else min(score, 0.49), state), reinitialised=again)
-        return self._result
+        return Step(score if seen else min(score, 0.49), seen, again)
 
     def _follow(self, frame: np.ndarray, reach: int) -> float:
         """Move to the best box within a reach, px of the window, then to the best size; returns the discriminant."""
-        window = Window(frame, self._center, self._size, (reach, reach))
+        window = Window(frame, self._center, self._size_px, (reach, reach))
         offsets, features = window.grid(_COARSE)
         best = offsets[self._machine.evaluate(features).argmax()]
         near = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1]), axis=2).reshape(-1, 2)
         near = np.clip(best + near, -reach, reach)
         best = near[self._machine.evaluate(window.features(near)).argmax()]
-        self._center = self._center + best * self._size / SIDE
+        self._center = self._center + best * self._size_px / SIDE
         self._hold_in_picture()
         steps = self._config.scale_step ** _SIZE_STEPS.astype(float)
         values = self._machine.evaluate(np.vstack([self._features(frame, step) for step in steps]))
         chosen = int(values.argmax())
-        self._set_scale(self._scale * float(steps[chosen]) ** self._config.scale_damping)
+        self._scale = self._bounded(self._scale * float(steps[chosen]) ** self._config.scale_damping)
         return float(values[chosen])
 
     def _search(self, frame: np.ndarray) -> float:
         """Look at a part of the picture, another each time, and then around the best box there."""
         scale = self._scale * _SEARCH_SCALES[self._part % len(_SEARCH_SCALES)]
-        self._set_scale(scale)
+        self._scale = self._bounded(scale)
         picture = np.array([frame.shape[1], frame.shape[0]], float)
-        reach = np.maximum(0, (picture / self._size - 1) * SIDE / 2).astype(int)
-        window = Window(frame, (picture - 1) / 2, self._size, (int(reach[0]), int(reach[1])))
+        reach = np.maximum(0, (picture / self._size_px - 1) * SIDE / 2).astype(int)
+        window = Window(frame, (picture - 1) / 2, self._size_px, (int(reach[0]), int(reach[1])))
         columns, rows = (np.arange(-r, r + 1, _SEARCH_STEP) for r in reach)
         offsets = np.stack(np.meshgrid(columns, rows), axis=2).reshape(-1, 2)
         parts = -(-len(offsets) // _SEARCHED)
         offsets = offsets[(self._part // len(_SEARCH_SCALES)) % parts :: parts]
         self._part += 1
         best = offsets[self._machine.evaluate(window.features(offsets)).argmax()]
-        self._center = (picture - 1) / 2 + best * self._size / SIDE
+        self._center = (picture - 1) / 2 + best * self._size_px / SIDE
         return self._follow(frame, 4 * _COARSE)
 
     def _learn(self, frame: np.ndarray) -> None:
         largest = int(_RINGS.max())
-        window = Window(frame, self._center, self._size, (largest, largest))
+        window = Window(frame, self._center, self._size_px, (largest, largest))
         sizes = [self._features(frame, size) for size in _SIZES_LEARNED]
         features = np.vstack([window.features(self._learned), *sizes])
         self._machine.learn(features, self._losses, self._config.reprocessed, self._config.optimised)
 
     def _features(self, frame: np.ndarray, grown: float = 1.0) -> np.ndarray:
         """Features (1, SIZE) of the box where it is, at another size."""
-        return Window(frame, self._center, self._size * grown, (0, 0)).features(np.zeros((1, 2), int))
-
-    @property
-    def _size(self) -> np.ndarray:
-        """Width and height of the box, px."""
-        return self._base * self._scale
-
-    def _set_scale(self, scale: float) -> None:
-        smallest = 6.0 / float(self._base.min())
-        limit = self._config.max_scale
-        self._scale = min(max(scale, 1.0 / limit, smallest), limit)
-
-    def _hold_in_picture(self) -> None:
-        self._center = np.clip(self._center, 0.0, [self._shape[1] - 1.0, self._shape[0] - 1.0])
-
-    def _report(self, score: float, state: TrackState) -> TrackResult:
-        center = (float(self._center[0]), float(self._center[1]))
-        size = (float(self._size[0]), float(self._size[1]))
-        return TrackResult(center, size, 0.0, score, 0.5, state, 0.0)
+        return Window(frame, self._center, self._size_px * grown, (0, 0)).features(np.zeros((1, 2), int))
 
 
 def _losses_of(offsets: np.ndarray) -> np.ndarray:

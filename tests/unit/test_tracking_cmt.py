@@ -77,20 +77,3 @@ def test_turning_growing_car_is_followed_with_its_angle() -> None:
     assert math.dist(result.center_px, (pose.x_px, pose.y_px)) < 6.0
     assert result.angle_rad == pytest.approx(pose.angle_rad, abs=0.06)
     assert math.sqrt(result.size_px[0] * result.size_px[1]) == pytest.approx(math.sqrt(96 * 48) * pose.scale, rel=0.08)
-
-
-def test_hidden_target_is_not_reported_and_is_found_elsewhere() -> None:
-    ground = ground_picture(np.random.default_rng(9))
-
-    def hide(frame: np.ndarray, t_s: float) -> None:
-        if 0.6 <= t_s < 1.4:
-            frame[:] = ground[::-1]
-
-    scene = Scene(lambda t: Pose(150.0, 120.0) if t < 1.0 else Pose(480.0, 350.0), seed=9, decorate=hide)
-    results = _results(scene, 2.0)
-    hidden = [r for k, (r, _) in enumerate(results, 1) if 0.7 <= k / 20 < 1.35]
-    assert {r.state for r in hidden} <= {"predicted", "lost"}
-    result, pose = results[-1]
-    assert result.state == "tracking"
-    assert result.overlap(pose.box()) > 0.6
-    assert sum(r.reinitialised for r, _ in results) == 1

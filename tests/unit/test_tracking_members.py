@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import cv2
 import numpy as np
@@ -14,26 +15,11 @@ from common.processes import load_config
 from common.tracking.appearance import Appearance, upright_patch
 from common.tracking.base import Placeable, TrackResult
 from common.tracking.correlation import CorrelationFilter, peak_of, peak_to_sidelobe
-from common.tracking.dsst import DsstTracker
-from common.tracking.dsst_config import DsstConfig
 from common.tracking.hog import CHANNELS, gradients_of_cells
 from common.tracking.registry import TRACKERS, make_tracker, tracker_class
 
 CONFIG = load_config(None)
 FILM = list(Scene(straight(120.0), seed=7).frames(1.0))
-
-
-def _dsst(frame: np.ndarray, pose: Pose, **options: float) -> DsstTracker:
-    tracker = DsstTracker(DsstConfig(**options), np.random.default_rng(0))  # pyright: ignore[reportArgumentType]
-    tracker.init(frame, pose.box(), 0.0, 0)
-    return tracker
-
-
-def _results(scene: Scene, duration_s: float) -> list[tuple[TrackResult, Pose]]:
-    frames = iter(scene.frames(duration_s))
-    _, frame, pose = next(frames)
-    tracker = _dsst(frame, pose)
-    return [(tracker.update(frame, t_ns), pose) for t_ns, frame, pose in frames]
 
 
 @pytest.mark.parametrize("name", TRACKERS)
@@ -105,22 +91,41 @@ def test_patches_tell_the_target_from_what_is_like_it() -> None:
     assert math.dist(found.box[:2], box[:2]) < 3.0
 
 
-def test_size_is_followed() -> None:
-    scene = Scene(lambda t_s: Pose(320.0, 240.0, 0.0, 1.0 + 0.25 * t_s), seed=3)
-    result, pose = _results(scene, 3.0)[-1]
-    assert math.sqrt(result.size_px[0] * result.size_px[1]) == pytest.approx(math.sqrt(96 * 48) * pose.scale, rel=0.08)
+BOXES = ("dsst", "cmt", "struck")
 
 
-def test_hidden_target_is_not_reported_and_is_found_elsewhere() -> None:
+def _of(name: str) -> Any:
+    kind = tracker_class(name)
+    return kind(kind.config_type(), np.random.default_rng(0))
+
+
+def _followed(name: str, scene: Scene, duration_s: float) -> list[tuple[TrackResult, Pose]]:
+    frames = iter(scene.frames(duration_s))
+    _, frame, pose = next(frames)
+    tracker = _of(name)
+    tracker.init(frame, pose.box(), 0.0, 0)
+    return [(tracker.update(picture, t_ns), pose) for t_ns, picture, pose in frames]
+
+
+@pytest.mark.parametrize("name", BOXES)
+def test_size_is_followed(name: str) -> None:
+    scene = Scene(lambda t_s: Pose(320.0, 240.0, 0.0, 1.0 + 0.2 * t_s), seed=3)
+    result, pose = _followed(name, scene, 2.0)[-1]
+    assert math.sqrt(result.size_px[0] * result.size_px[1]) == pytest.approx(math.sqrt(96 * 48) * pose.scale, rel=0.1)
+    assert math.dist(result.center_px, (pose.x_px, pose.y_px)) < 6.0
+
+
+@pytest.mark.parametrize("name", BOXES)
+def test_hidden_target_is_not_reported_and_is_found_elsewhere(name: str) -> None:
     ground = ground_picture(np.random.default_rng(9))
 
     def hide(frame: np.ndarray, t_s: float) -> None:
-        if 1.0 <= t_s < 2.2:
+        if 0.6 <= t_s < 1.6:
             frame[:] = ground[::-1]
 
-    scene = Scene(lambda t_s: Pose(150.0, 120.0) if t_s < 1.6 else Pose(480.0, 350.0), seed=9, decorate=hide)
-    results = _results(scene, 3.5)
-    hidden = [r for k, (r, _) in enumerate(results, 1) if 1.1 <= k / 20 < 2.15]
+    scene = Scene(lambda t_s: Pose(150.0, 120.0) if t_s < 1.0 else Pose(480.0, 350.0), seed=9, decorate=hide)
+    results = _followed(name, scene, 2.8)
+    hidden = [r for k, (r, _) in enumerate(results, 1) if 0.7 <= k / 20 < 1.55]
     assert {r.state for r in hidden} <= {"predicted", "lost"}
     result, pose = results[-1]
     assert result.state == "tracking"
@@ -128,13 +133,16 @@ def test_hidden_target_is_not_reported_and_is_found_elsewhere() -> None:
     assert sum(r.reinitialised for r, _ in results) == 1
 
 
-def test_placed_tracker_keeps_what_it_learned() -> None:
-    ground = ground_picture(np.random.default_rng(4))
-    frames = [ground.copy() for _ in range(3)]
+@pytest.mark.parametrize("name", BOXES)
+def test_placed_tracker_keeps_what_it_learned(name: str) -> None:
+    frames = [ground_picture(np.random.default_rng(4)) for _ in range(3)]
     for frame, pose in zip(frames, (Pose(150.0, 120.0), Pose(450.0, 300.0), Pose(452.0, 300.0)), strict=True):
         paint(frame, car_picture(), pose)
-    tracker = _dsst(frames[0], Pose(150.0, 120.0))
+    tracker = _of(name)
     assert isinstance(tracker, Placeable)
+    with pytest.raises(ValueError, match=f"{name}: place before init"):
+        tracker.place(frames[1], Pose(446.0, 302.0).box())
+    tracker.init(frames[0], Pose(150.0, 120.0).box(), 0.0, 0)
     tracker.place(frames[1], Pose(446.0, 302.0).box())
     result = tracker.update(frames[2], 50_000_000)
     assert result.state == "tracking"
