@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
 
 from common.messages import Reply
 from onboard.helm.actions import Action, Kind
+from onboard.helm.arbiter import Candidate
 from onboard.helm.flight import Flight
 from onboard.helm.orders import Call
 from onboard.helm.preflight import gate, refusal
@@ -142,41 +144,63 @@ def _engage(call: Call, flight: Flight, seen: Seen, t_ns: int) -> None:
         _wrong_state(call, flight, Event.ENGAGE)
 
 
-def _chase(call: Call, flight: Flight, seen: Seen, t_ns: int) -> None:
-    fresh = seen.pursuit is not None and (t_ns - seen.pursuit.received_ns) / 1e9 < flight.config.freshness_s
-    tracked = seen.track is not None and seen.track.tracking and seen.track.age_s < flight.config.freshness_s
-    if flight.state is State.PURSUIT:
-        _done(call, "already chasing")
-    elif not (fresh or tracked):
-        _refuse(call, "the pursuit has no target; select one first")
-    elif flight.fire(Event.CHASE, "chase commanded", seen.telemetry, t_ns):
-        _done(call, "obeying the pursuit")
-    else:
-        _wrong_state(call, flight, Event.CHASE)
+@dataclass(frozen=True)
+class _Source:
+    """Whose requests a command lets helm obey."""
+
+    name: str
+    """In the replies."""
+    newest: Callable[[Seen], Candidate | None]
+    """Its newest request."""
+    state: State
+    event: Event
+    missing: str
+    """Why not, when it asks for nothing."""
+
+    def __call__(self, call: Call, flight: Flight, seen: Seen, t_ns: int) -> None:
+        newest = self.newest(seen)
+        fresh_s = flight.config.freshness_s
+        asks = newest is not None and (t_ns - newest.received_ns) / 1e9 < fresh_s
+        if self.state is State.PURSUIT and seen.track is not None:  # it tracks before it may ask
+            asks = asks or (seen.track.tracking and seen.track.age_s < fresh_s)
+        if flight.state is self.state:
+            _done(call, f"already obeying the {self.name}")
+        elif not asks:
+            _refuse(call, self.missing)
+        elif flight.fire(self.event, f"{self.event.value} commanded", seen.telemetry, t_ns):
+            _done(call, f"obeying the {self.name}")
+        else:
+            _wrong_state(call, flight, self.event)
 
 
-def _follow(call: Call, flight: Flight, seen: Seen, t_ns: int) -> None:
-    fresh = seen.follow is not None and (t_ns - seen.follow.received_ns) / 1e9 < flight.config.freshness_s
-    if flight.state is State.FOLLOW:
-        _done(call, "already following")
-    elif not fresh:
-        _refuse(call, "the follower has no target that it sees; choose one first with follow/do/select")
-    elif flight.fire(Event.FOLLOW, "follow commanded", seen.telemetry, t_ns):
-        _done(call, "obeying the follower")
-    else:
-        _wrong_state(call, flight, Event.FOLLOW)
-
-
-def _approach(call: Call, flight: Flight, seen: Seen, t_ns: int) -> None:
-    fresh = seen.approach is not None and (t_ns - seen.approach.received_ns) / 1e9 < flight.config.freshness_s
-    if flight.state is State.APPROACH:
-        _done(call, "already approaching")
-    elif not fresh:
-        _refuse(call, "the approach has no target; choose one first with approach/do/select")
-    elif flight.fire(Event.APPROACH, "approach commanded", seen.telemetry, t_ns):
-        _done(call, "obeying the approach")
-    else:
-        _wrong_state(call, flight, Event.APPROACH)
+_CHASE = _Source(
+    "pursuit",
+    lambda seen: seen.pursuit,
+    State.PURSUIT,
+    Event.CHASE,
+    "the pursuit has no target; select one first",
+)
+_FOLLOW = _Source(
+    "follower",
+    lambda seen: seen.follow,
+    State.FOLLOW,
+    Event.FOLLOW,
+    "the follower has no target that it sees; choose one first with follow/do/select",
+)
+_APPROACH = _Source(
+    "approach",
+    lambda seen: seen.approach,
+    State.APPROACH,
+    Event.APPROACH,
+    "the approach has no target; choose one first with approach/do/select",
+)
+_SEARCH = _Source(
+    "search",
+    lambda seen: seen.search,
+    State.SEARCH,
+    Event.SEARCH,
+    "there is no search under way; begin one first with search/do/start",
+)
 
 
 def _push_back(call: Call, flight: Flight, seen: Seen, t_ns: int) -> None:
@@ -193,18 +217,6 @@ def _push_back(call: Call, flight: Flight, seen: Seen, t_ns: int) -> None:
         _done(call, f"backing away at up to {fastest_m_s:g} m/s" if on else "the limiter backs away from nothing")
 
 
-def _search(call: Call, flight: Flight, seen: Seen, t_ns: int) -> None:
-    fresh = seen.search is not None and (t_ns - seen.search.received_ns) / 1e9 < flight.config.freshness_s
-    if flight.state is State.SEARCH:
-        _done(call, "already searching")
-    elif not fresh:
-        _refuse(call, "there is no search under way; begin one first with search/do/start")
-    elif flight.fire(Event.SEARCH, "search commanded", seen.telemetry, t_ns):
-        _done(call, "obeying the search")
-    else:
-        _wrong_state(call, flight, Event.SEARCH)
-
-
 _HANDLERS: Mapping[str, Callable[[Call, Flight, Seen, int], None]] = MappingProxyType(
     {
         "helm/do/arm": _arm,
@@ -214,11 +226,11 @@ _HANDLERS: Mapping[str, Callable[[Call, Flight, Seen, int], None]] = MappingProx
         "helm/do/land": _land,
         "helm/do/return": _return,
         "helm/do/engage": _engage,
-        "helm/do/chase": _chase,
-        "helm/do/follow": _follow,
-        "helm/do/approach": _approach,
+        "helm/do/chase": _CHASE,
+        "helm/do/follow": _FOLLOW,
+        "helm/do/approach": _APPROACH,
         "helm/do/push-back": _push_back,
-        "helm/do/search": _search,
+        "helm/do/search": _SEARCH,
     }
 )
 COMMANDS: tuple[str, ...] = tuple(_HANDLERS)

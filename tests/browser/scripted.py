@@ -39,10 +39,10 @@ from common.messages import (
     Setpoint,
     Track,
     Vec3,
-    VehicleState,
 )
 from common.session import BusConfig
 from common.topics import COMMANDS, health_topic
+from tests.flying import flying
 
 NODES = ("camera", "helm", "people", "pursuit", "recorder", "world")
 CHECKS = (
@@ -245,11 +245,10 @@ class ScriptedVehicle:
         velocity = (-0.4 * math.sin(0.2 * t_s), 0.4 * math.cos(0.2 * t_s), 0.0)
         self._buses["helm"].publish(
             "helm/state",
-            VehicleState(
+            flying(
                 ned_p_m=position,
                 ned_v_m_s=velocity,
                 ned_q_body=attitude,
-                body_rates_rad_s=(0.0, 0.0, 0.0),
                 armed=s.armed,
                 in_air=s.in_air,
                 mode=s.mode,

@@ -20,7 +20,7 @@ from common.bus import Bus
 from common.config import build
 from common.geometry.config import CamerasConfig
 from common.header import Received
-from common.messages import Image, People, Person, VehicleState
+from common.messages import Image, People, Person
 from common.session import BusConfig
 from simulation.world.config import WorldConfig
 from simulation.world.objects_config import PersonConfig
@@ -28,6 +28,7 @@ from simulation.world.scenario import CarConfig, GroundConfig, ScenarioConfig
 from simulation.world.stage import Stage
 from simulation.world.truth_filter import Motion
 from tests.browser.conftest import Console, View, open_view, start_node, wait_for
+from tests.flying import flying
 from tests.machine import free_ports
 
 HEIGHT_M = 4.5
@@ -95,16 +96,7 @@ class Hovering:
         pixels = np.frombuffer(colour, np.uint8).reshape(height, width, 3)
         jpeg = cv2.imencode(".jpg", pixels)[1].tobytes()
         streams = {"raw": ("bgr8", colour), "jpeg": ("jpeg", jpeg), "depth": ("depth_mm", depth)}
-        state = VehicleState(
-            ned_p_m=(0.0, 0.0, -HEIGHT_M),
-            ned_v_m_s=(0.0, 0.0, 0.0),
-            ned_q_body=(1.0, 0.0, 0.0, 0.0),
-            body_rates_rad_s=(0.0, 0.0, 0.0),
-            armed=True,
-            in_air=True,
-            mode="OFFBOARD",
-            battery_fraction=0.9,
-        )
+        state = flying(HEIGHT_M)
         while not self._stop.wait(0.2):
             capture_ns = time.monotonic_ns()
             self._buses["helm"].publish("helm/state", state, capture_ns)

@@ -24,6 +24,7 @@ from onboard.approach.config import ApproachConfig
 from onboard.approach.law import closing
 from onboard.approach.node import ApproachNode
 from onboard.approach.target import SelectError, Sighting, Target, choose, follow
+from tests.flying import flying
 
 CONFIG = ApproachConfig()
 S = 1_000_000_000
@@ -176,15 +177,8 @@ class Rig:
 
     def _state(self) -> VehicleState:
         half = self.yaw / 2
-        return VehicleState(
-            ned_p_m=_vec(self.p),
-            ned_v_m_s=_vec(self.v),
-            ned_q_body=(math.cos(half), 0.0, 0.0, math.sin(half)),
-            body_rates_rad_s=(0.0, 0.0, 0.0),
-            armed=True,
-            in_air=True,
-            mode="OFFBOARD",
-            battery_fraction=0.9,
+        return flying(
+            ned_p_m=_vec(self.p), ned_v_m_s=_vec(self.v), ned_q_body=(math.cos(half), 0.0, 0.0, math.sin(half))
         )
 
     def _depth(self) -> Obstacles:

@@ -22,7 +22,6 @@ from common.messages import (
     PreflightItem,
     Session,
     Track,
-    VehicleState,
 )
 from common.node import Inputs, Node, On, ScriptedRun
 from ground.console import ring
@@ -42,22 +41,14 @@ from ground.console.page import next_actions
 from ground.console.plot import ErrorHistory
 from ground.console.snapshot import APPROACH, STATE, STATUS, TRACK, Snapshot, picture_topic
 from ground.console.target import bearing_rad, ground_point_m, pixels_of, point_on_ray
+from tests.flying import flying
 
 CONFIG = ConsoleConfig()
 PICTURE = picture_topic("down")
 FRONT = picture_topic("front")
 MS = 1_000_000
 JPEG = b"\xff\xd8 pixels \xff\xd9"
-STATE_NOW = VehicleState(
-    ned_p_m=(3.0, 4.0, -5.0),
-    ned_v_m_s=(0.0, 0.0, 0.0),
-    ned_q_body=(1.0, 0.0, 0.0, 0.0),
-    body_rates_rad_s=(0.0, 0.0, 0.0),
-    armed=True,
-    in_air=True,
-    mode="OFFBOARD",
-    battery_fraction=0.8,
-)
+STATE_NOW = flying(ned_p_m=(3.0, 4.0, -5.0), battery_fraction=0.8)
 STATUS_NOW = HelmStatus(
     state="hold",
     source="helm",

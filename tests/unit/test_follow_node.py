@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from benchmarks.painted_scene import Pose, Scene, straight
-from common.messages import Command, HelmStatus, Image, Request, Track, VehicleState
+from common.messages import Command, HelmStatus, Image, Request, Track
 from common.node import Output, ScriptedRun
 from common.processes import load_config
 from onboard.follow.node import FollowNode
+from tests.flying import flying
 
 S = 1_000_000_000
 SETTINGS = ('hab_df.members=["dsst"]', "follow.answer_within_s=2.0", "follow.frozen_after_s=20.0")
@@ -32,17 +33,7 @@ class Rig:
         """Feed the next picture and a state, and step."""
         stamp_ns, frame, self.pose = next(self.frames)
         self.t_ns = S + stamp_ns
-        state = VehicleState(
-            ned_p_m=(0.0, 0.0, -5.0),
-            ned_v_m_s=(0.0, 0.0, 0.0),
-            ned_q_body=(1.0, 0.0, 0.0, 0.0),
-            body_rates_rad_s=(0.0, 0.0, 0.0),
-            armed=True,
-            in_air=True,
-            mode="OFFBOARD",
-            battery_fraction=0.9,
-        )
-        self.run.feed("helm/state", state, self.t_ns)
+        self.run.feed("helm/state", flying(), self.t_ns)
         raw = Image(camera="down", width=640, height=480, encoding="bgr8", data=frame.tobytes())
         self.run.feed("camera/down/raw", raw, self.t_ns)
         return self.run.step(self.t_ns + 1_000_000)

@@ -11,18 +11,10 @@ import pytest
 from common.config import Config
 from common.messages import Command, MessageError, Reply, Request, Session, Track, VehicleState
 from common.node import CommandCall, Inputs, InputStore, Node, On, Output, ScriptedRun
+from tests.flying import flying
 
 MS = 1_000_000
-STATE = VehicleState(
-    ned_p_m=(0.0, 0.0, -5.0),
-    ned_v_m_s=(0.0, 0.0, 0.0),
-    ned_q_body=(1.0, 0.0, 0.0, 0.0),
-    body_rates_rad_s=(0.0, 0.0, 0.0),
-    armed=True,
-    in_air=True,
-    mode="HOLD",
-    battery_fraction=1.0,
-)
+STATE = flying()
 
 
 class Chaser(Node):

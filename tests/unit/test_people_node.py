@@ -13,11 +13,12 @@ from benchmarks.people_scene import DepthScene, barrel, person
 from common.config import ConfigError
 from common.geometry.depth import to_image
 from common.header import Header, Received
-from common.messages import Command, Image, Obstacles, People, PeopleDetections, PersonPicture, VehicleState
+from common.messages import Command, Image, Obstacles, People, PeopleDetections, PersonPicture
 from common.node import ScriptedRun
 from common.processes import idle, load_config
 from onboard.people.node import PeopleNode
 from onboard.people.pairing import Pairing
+from tests.flying import flying
 from tests.unit.people_rig import DOWN, SECOND, Knower, paint
 
 SETTINGS = (
@@ -56,7 +57,7 @@ def run(pictures: tuple[Image, Image]) -> Callable[..., list[Any]]:
         for _ in range(steps):
             clock[0] += STEP_NS
             if state:
-                script.feed("helm/state", _hovering(), clock[0])
+                script.feed("helm/state", flying(5.05), clock[0])
             script.feed("camera/down/raw", pictures[0], clock[0])
             if depth is not None:
                 script.feed("camera/down/depth", depth, clock[0] - round(late_ms * 1e6), clock[0])
@@ -66,19 +67,6 @@ def run(pictures: tuple[Image, Image]) -> Callable[..., list[Any]]:
     fly.script = script  # type: ignore[attr-defined]
     fly.clock = clock  # type: ignore[attr-defined]
     return fly
-
-
-def _hovering() -> VehicleState:
-    return VehicleState(
-        ned_p_m=(0.0, 0.0, -5.05),
-        ned_v_m_s=(0.0, 0.0, 0.0),
-        ned_q_body=(1.0, 0.0, 0.0, 0.0),
-        body_rates_rad_s=(0.0, 0.0, 0.0),
-        armed=True,
-        in_air=True,
-        mode="OFFBOARD",
-        battery_fraction=0.9,
-    )
 
 
 def of(outputs: list[Any], topic: str) -> list[Any]:
@@ -179,7 +167,7 @@ def test_pictures_of_another_size_scale_the_calibration(run: Callable[..., list[
     colour = np.frombuffer(pictures[0].data, np.uint8).reshape(424, 512, 3)[::2, ::2]
     half = Image(camera="down", width=256, height=212, encoding="bgr8", data=colour.tobytes())
     script = cast(Any, run).script
-    script.feed("helm/state", _hovering(), SECOND)
+    script.feed("helm/state", flying(5.05), SECOND)
     script.feed("camera/down/raw", half, SECOND)
     script.feed("camera/down/depth", pictures[1], SECOND)
     (seen,) = of(script.step(SECOND), "people/detections")

@@ -21,6 +21,7 @@ from onboard.proximity.lookout import Lookout, Report
 from onboard.proximity.node import ProximityNode
 from onboard.proximity.pose import Pose, PoseTrack
 from onboard.proximity.sectors import SectorGrid
+from tests.flying import flying
 
 MS = 1_000_000
 FRONT = {
@@ -228,16 +229,7 @@ SECTIONS = {
 
 
 def state(north: float, up: float = 2.0) -> VehicleState:
-    return VehicleState(
-        ned_p_m=(north, 0.0, -up),
-        ned_v_m_s=(0.0, 0.0, 0.0),
-        ned_q_body=(1.0, 0.0, 0.0, 0.0),
-        body_rates_rad_s=(0.0, 0.0, 0.0),
-        armed=True,
-        in_air=True,
-        mode="OFFBOARD",
-        battery_fraction=1.0,
-    )
+    return flying(ned_p_m=(north, 0.0, -up))
 
 
 def node_run(**tables: object) -> ScriptedRun:

@@ -13,6 +13,7 @@ from common.geometry.rotation import as_quat, euler_from_quat, quat_from_euler
 from common.header import Header, Received
 from common.messages import VehicleState
 from ground.pursuit.history import StateHistory
+from tests.flying import flying
 
 MS = 1_000_000
 
@@ -20,15 +21,11 @@ MS = 1_000_000
 def _state(t_ms: float) -> Received[VehicleState]:
     """North at 2 m/s, turning right at 1 rad/s."""
     t_s = t_ms / 1e3
-    message = VehicleState(
+    message = flying(
         ned_p_m=(2.0 * t_s, 0.0, -5.0),
         ned_v_m_s=(2.0, 0.0, 0.0),
         ned_q_body=as_quat(quat_from_euler(0.0, 0.0, t_s)),
         body_rates_rad_s=(0.0, 0.0, 1.0),
-        armed=True,
-        in_air=True,
-        mode="OFFBOARD",
-        battery_fraction=0.9,
     )
     stamp = int(t_ms * MS)
     header = Header(schema=0, source="helm", boot=1, seq=int(t_ms), sent_ns=stamp, capture_ns=stamp)

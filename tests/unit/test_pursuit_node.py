@@ -11,9 +11,10 @@ import pytest
 from benchmarks.painted_scene import Scene, car_picture, straight
 from common.config import Config, ConfigError
 from common.geometry.config import CameraConfig
-from common.messages import Command, Image, Request, Track, VehicleState
+from common.messages import Command, Image, Request, Track
 from common.node import Output, ScriptedRun
 from ground.pursuit.node import PursuitNode
+from tests.flying import flying
 
 SECTIONS = {
     "pursuit": "ground.pursuit.config:PursuitConfig",
@@ -25,19 +26,6 @@ MS = 1_000_000
 def _jpeg(frame: np.ndarray) -> Image:
     data = cv2.imencode(".jpg", frame)[1].tobytes()
     return Image(camera="down", width=frame.shape[1], height=frame.shape[0], encoding="jpeg", data=data)
-
-
-def _state() -> VehicleState:
-    return VehicleState(
-        ned_p_m=(0.0, 0.0, -5.0),
-        ned_v_m_s=(0.0, 0.0, 0.0),
-        ned_q_body=(1.0, 0.0, 0.0, 0.0),
-        body_rates_rad_s=(0.0, 0.0, 0.0),
-        armed=True,
-        in_air=True,
-        mode="OFFBOARD",
-        battery_fraction=0.9,
-    )
 
 
 class Scripted:
@@ -57,7 +45,7 @@ class Scripted:
         _, frame, pose = next(self.frames)
         self.box = pose.box()
         if self.with_state:
-            self.run.feed("helm/state", _state(), self.now_ns - 5 * MS)
+            self.run.feed("helm/state", flying(), self.now_ns - 5 * MS)
         image = _jpeg(frame)
         if data is not None:
             image = Image(camera="down", width=640, height=480, encoding="jpeg", data=data)

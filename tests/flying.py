@@ -1,0 +1,22 @@
+"""The state of a vehicle that flies, for tests of what looks at it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from common.messages import VehicleState
+
+
+def flying(up_m: float = 5.0, **changes: Any) -> VehicleState:
+    """A level vehicle that hovers above home, nose north, in offboard control, but for the changes."""
+    state: dict[str, Any] = {
+        "ned_p_m": (0.0, 0.0, -up_m),
+        "ned_v_m_s": (0.0, 0.0, 0.0),
+        "ned_q_body": (1.0, 0.0, 0.0, 0.0),
+        "body_rates_rad_s": (0.0, 0.0, 0.0),
+        "armed": True,
+        "in_air": True,
+        "mode": "OFFBOARD",
+        "battery_fraction": 0.9,
+    }
+    return VehicleState(**state | changes)
