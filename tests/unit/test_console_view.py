@@ -9,22 +9,17 @@ import msgspec
 import numpy as np
 import pytest
 
-from common.config import Config, ConfigError, build
+from common.config import ConfigError, build
 from common.geometry.config import CameraConfig, FrontCameraConfig
 from common.geometry.rotation import as_quat, quat_from_euler
 from common.messages import (
-    SECTORS,
     ApproachTarget,
     Health,
     HelmStatus,
-    Image,
-    LimiterStatus,
     PreflightItem,
     Session,
     Track,
 )
-from common.node import Inputs, Node, On, ScriptedRun
-from ground.console import ring
 from ground.console.alarms import alarms
 from ground.console.cards import (
     alarms_html,
@@ -35,7 +30,6 @@ from ground.console.cards import (
     nodes_html,
     target_html,
 )
-from ground.console.collector import Collector
 from ground.console.config import ConsoleConfig
 from ground.console.page import next_actions
 from ground.console.plot import ErrorHistory
@@ -275,79 +269,6 @@ def test_bad_settings_are_refused_by_name(table: dict[str, object], words: str) 
         build(ConsoleConfig, table, "test [console]")
 
 
-class _Reader(Node):
-    """Stands for the console's input side alone."""
-
-    trigger = On((PICTURE,))
-
-    def __init__(self) -> None:
-        super().__init__(Config({}, {}), "reader")
-        self.collector = Collector(("helm",), ("down", "front"))
-        self.inputs = self.collector.inputs
-        self.view: Snapshot | None = None
-
-    def step(self, inputs: Inputs, t_ns: int) -> tuple[()]:
-        self.collector.collect(inputs)
-        self.view = self.collector.snapshot(inputs, t_ns, None)
-        return ()
-
-
-def _run() -> tuple[ScriptedRun, _Reader]:
-    node = _Reader()
-    return ScriptedRun(node), node
-
-
-def _image() -> Image:
-    return Image(camera="down", width=640, height=480, encoding="jpeg", data=JPEG)
-
-
-def test_repeated_picture_grows_old() -> None:
-    run, node = _run()
-    run.feed(PICTURE, _image(), 1000 * MS, 1010 * MS)
-    run.step(1020 * MS)
-    assert node.view is not None
-    assert node.view.picture_live
-    for t_ms in range(1060, 2060, 50):  # a frozen camera sends the same picture again and again
-        run.feed(PICTURE, _image(), 1000 * MS, t_ms * MS)
-        run.step((t_ms + 1) * MS)
-    assert node.view.picture_age_ms > 1000
-    assert not node.view.picture_live
-    assert not node.view.fresh(PICTURE)
-    assert len(node.collector.pictures) == 1
-
-
-def test_picture_that_waited_on_the_link_is_known_to_be_old() -> None:
-    run, node = _run()
-    shift = 77_000_000 * MS  # the vehicle's clock is another machine's
-    for t_ms in range(0, 4000, 20):
-        run.feed(STATE, STATE_NOW, t_ms * MS + shift, (t_ms + 3) * MS)
-        if t_ms >= 3000 and t_ms % 40 == 0:  # pictures arrive 3 s late, at a steady rate
-            run.feed(PICTURE, _image(), (t_ms - 3000) * MS + shift, t_ms * MS)
-        run.step((t_ms + 4) * MS)
-    assert node.view is not None
-    assert node.view.fresh(PICTURE)
-    assert node.view.picture_age_ms == pytest.approx(3000, abs=50)
-    assert not node.view.picture_live
-
-
-def test_another_camera_begins_with_its_first_new_picture() -> None:
-    run, node = _run()
-    run.feed(FRONT, _image(), 500 * MS, 510 * MS)  # read when that camera was chosen before
-    run.feed(PICTURE, _image(), 1000 * MS, 1010 * MS)
-    run.step(1020 * MS)
-    assert node.view is not None
-    assert (node.view.shown, node.view.picture_live) == ("down", True)
-    node.collector.look_through("front", 1050 * MS)
-    run.feed(PICTURE, _image(), 1050 * MS, 1055 * MS)
-    run.step(1060 * MS)
-    assert node.view.shown == "front"
-    assert node.view.picture is None, "neither the other camera's picture nor the old one"
-    run.feed(FRONT, _image(), 1070 * MS, 1080 * MS)
-    run.step(1090 * MS)
-    assert node.view.picture_live and node.view.picture is not None
-    assert node.view.picture.capture_ns == 1070 * MS
-
-
 def test_a_place_in_the_picture_is_a_direction_and_back() -> None:
     camera = FrontCameraConfig().camera()
     turned = msgspec.structs.replace(STATE_NOW, ned_q_body=as_quat(quat_from_euler(0.1, -0.15, 0.7)))
@@ -357,17 +278,6 @@ def test_a_place_in_the_picture_is_a_direction_and_back() -> None:
     x, y = pixels_of([place], camera, turned)[0]
     assert bearing_rad(camera, turned, float(x), float(y)) == pytest.approx(-0.2, abs=0.01), "seen from 0.1 m ahead"
     assert np.isnan(pixels_of([np.array(turned.ned_p_m) - [4.0, 0.0, 0.0]], camera, turned)).all(), "behind it"
-
-
-def test_state_of_a_picture_is_the_nearest_in_time() -> None:
-    run, node = _run()
-    for t_ms in range(0, 1000, 20):
-        run.feed(STATE, msgspec.structs.replace(STATE_NOW, ned_p_m=(float(t_ms), 0.0, -5.0)), t_ms * MS)
-    run.step(1000 * MS)
-    state = node.collector.state_at(505 * MS)
-    assert state is not None
-    assert state.ned_p_m[0] == 500.0
-    assert node.collector.state_at(5000 * MS) is None
 
 
 def test_a_click_means_the_obstacle_on_its_ray() -> None:
@@ -389,68 +299,3 @@ def test_an_approach_without_its_thing_is_an_alarm() -> None:
     seen = msgspec.structs.replace(lost, state="tracking", reason="")
     assert not alarms(snapshot(status=approaching, approach=seen, ages=ages), CONFIG)
     assert "4.0 m, to 1.5 m" in approach_html(snapshot(approach=seen, ages=ages))
-
-
-def limiter_status(**changes: object) -> LimiterStatus:
-    """A limiter that sees 8 m in a quarter to the north-east and nothing elsewhere, but for the changes."""
-    free = LimiterStatus(
-        zone="safe",
-        distance_m=-1.0,
-        ned_direction=(0.0, 0.0, 0.0),
-        asked_m_s=1.0,
-        allowed_m_s=1.0,
-        why="clear",
-        h_min_m=0.8,
-        h_desired_m=1.5,
-        h_mid_m=2.5,
-        h_max_m=6.0,
-        sectors_m=tuple(8.0 if k < 18 else -1.0 for k in range(SECTORS)),
-        seen=tuple(k < 18 for k in range(SECTORS)),
-    )
-    return msgspec.structs.replace(free, **changes)
-
-
-def test_each_sector_of_the_ring_lies_at_its_distance_in_the_colour_of_its_zone() -> None:
-    near = limiter_status(
-        zone="collision",
-        distance_m=0.7,
-        ned_direction=(0.0, 1.0, 0.0),
-        sectors_m=(0.7, 2.0, 4.0, 8.0, *(-1.0 for _ in range(SECTORS - 4))),
-    )
-    assert [ring.zone_of(d, near) for d in near.sectors_m[:5]] == [
-        "collision",
-        "transition",
-        "warning",
-        "safe",
-        "blind",
-    ]
-    segments, colours = ring.arcs(near)
-    assert segments.shape == colours.shape == (2 * SECTORS, 2, 3)
-    radii = np.linalg.norm(segments[:, 0], axis=1)
-    assert radii[[0, 2, 4, 6]] == pytest.approx([0.7, 2.0, 4.0, 6.36], abs=1e-3), "what is free: just outside h_max"
-    assert segments[0, 0] == pytest.approx((0.7, 0.0, 0.0)), "from north"
-    assert segments[2, 0] == pytest.approx((2.0 * np.cos(np.radians(5)), 2.0 * np.sin(np.radians(5)), 0.0)), "clockwise"
-    filled = ring.wedge(near, "collision")
-    assert len(ring.wedge_faces()) == 2 * SECTORS and ring.wedge_faces().max() < len(filled)
-    assert np.linalg.norm(filled, axis=1).max() == pytest.approx(0.7), "the other zones' sectors collapse"
-    assert (ring.limits(near)[1][-1] == ring.in_scene(ring.ZONES["collision"])).all(), "the rim tells the zone"
-    east = ring.nearest_m(near)
-    assert east is not None and east == pytest.approx((0.0, 0.7, 0.0))
-
-
-def test_what_is_remembered_in_unseen_space_frees_none_of_it() -> None:
-    behind = limiter_status(sectors_m=(*(8.0 for _ in range(18)), 2.0, 7.0, *(-1.0 for _ in range(SECTORS - 20))))
-    near, far, unknown = ring.sectors(behind)[18:21]
-    assert (near.zone, near.near_m, near.filled) == ("transition", 2.0, "blind"), "its edge alone"
-    assert far == unknown, "beyond the ring it is not drawn as free space up to there"
-    assert not np.linalg.norm(ring.wedge(behind, "transition"), axis=1).any()
-    safe = np.linalg.norm(ring.wedge(behind, "safe"), axis=1)
-    assert (safe > 6.0).sum() == 18 * 3, "what is filled as free was looked at"
-
-
-def test_the_ring_over_the_picture_says_what_is_slowed_and_why() -> None:
-    html = ring.hud_html(limiter_status(asked_m_s=2.1, allowed_m_s=0.4, why="bound", label="<b>"), 1.0)
-    assert "rotate(-57.3)" in html, "the nose is up"
-    assert "asked 2.1, allowed 0.4 m/s" in html and "what can be braked" in html and "<b>&" not in html
-    assert not ring.knows_something(limiter_status(sectors_m=(-1.0,) * SECTORS)), "no sensor, no ring"
-    assert ring.knows_something(limiter_status(sectors_m=(-1.0,) * SECTORS, why="no data"))
