@@ -22,8 +22,8 @@ _LOOP_EVERY = 8
 """The plain loop runs on one picture of so many, in turn with the others; it has as little variance as they."""
 _PARTICLES, _MANY = 200, 2000
 _EVERY_PIXEL = 1e9
-_SWEEP_RAD = 0.4
-"""Turn sweep of the vehicle files whose camera looks down."""
+_TURNED = {"turn_sweep_rad": 0.4, "line_reach_rad": 0.25}
+"""Turn sweep and lines as in the vehicle files whose camera looks down."""
 
 Frames = Sequence[tuple[int, np.ndarray, Pose]]
 
@@ -35,7 +35,7 @@ def run(settings: Settings) -> Outcome:
     frames = list(Scene(winding(), settings.seed).frames((steps + _WARM_UP + 1) / RATE_HZ))
     trackers = {
         "shipped": _tracker(settings.seed, frames),
-        "sweep": _tracker(settings.seed, frames, turn_sweep_rad=_SWEEP_RAD),
+        "sweep": _tracker(settings.seed, frames, **_TURNED),
         "full": _tracker(settings.seed, frames, kernel_pixels=_EVERY_PIXEL),
         "many": _tracker(settings.seed, frames, particles=_MANY),
         "loop": _tracker(settings.seed, frames, backend="numpy", kernel_pixels=_EVERY_PIXEL),

@@ -51,6 +51,9 @@ class ParticleFilterConfig(Section, frozen=True, kw_only=True):
     turn_sweep_rad: NonNegative = 0.0
     """How far the mean is turned either way to find the angle that fits best, rad; 0 leaves the mean alone. For
     a camera that looks down on what turns; what stands upright in the picture is followed better without."""
+    line_reach_rad: Annotated[float, msgspec.Meta(ge=0, le=0.7)] = 0.0
+    """How far the mean is then turned to lie along the target's own straight lines, rad; 0 leaves them unread. They
+    count if they run along the rectangle, within this reach, when the target is chosen."""
     scale_noise: NonNegative = 0.06
     """Random walk of 1/sqrt(A), relative, 1/sqrt(s)."""
     scale_rate_noise: NonNegative = 0.1

@@ -19,6 +19,7 @@ from common.tracking.config import ParticleFilterConfig
 from common.tracking.finder import Found, Nearby, search
 from common.tracking.histogram import LAYOUTS, PSI, SCALE, HistogramModel, X, Y, learn_model
 from common.tracking.light import Light
+from common.tracking.lines import OwnLines
 from common.tracking.motion import ConstantVelocity, MotionNoise, wrap_angle
 from common.tracking.particles import expected_state, likelihood_weights, systematic_resample
 
@@ -29,6 +30,8 @@ _REACH_1_S = 3.0
 _HEADING_KNOWN_S = (2.0, 6.0)
 """Until when the heading of a target out of sight is believed as before, and from when on not at all."""
 
+_LINES_FROM = 0.5
+"""Least confidence in a picture whose lines are read: an occluder's edge is a line, too."""
 _FOUND_FACTOR = 1.1
 """Largest distance of what a search finds, over that of a healthy picture."""
 _FOUND_FLOOR = 0.4
@@ -142,6 +145,7 @@ class ParticleFilterTracker:
         """Take what the picture shows at a state (4,) as the reference."""
         config = self._config
         self._model = learn_model(picture, state, aspect, LAYOUTS[config.kernels], config.backend)
+        self._lines = OwnLines(picture, state, aspect, config.line_reach_rad)
         self._light = Light(config.light_memory_s)
         self._first_distances: list[float] = []
         self._healthy_distance = config.limit_ceiling / config.limit_factor
@@ -278,15 +282,14 @@ class ParticleFilterTracker:
         weights = likelihood_weights(distances, config.likelihood_lambda) * prior
         weights /= weights.sum()
         mean, angle_std = expected_state(self._states, weights)
-        if self._model is not None and config.turn_sweep_rad > 0.0:
-            turn = self._best_turn(self._model, mean)
-            mean[PSI] = wrap_angle(mean[PSI] + turn)
-            self._states[:, PSI] += turn
         smallest = float(distances.min())
         # While an occluder slides over the target the rectangle clings to the visible rest: the velocity must not
         # learn from that, so the closer to the limit, the less it does.
         margin = max(self._limit - self._healthy_distance, 1e-6)
         confidence = min(1.0, max(0.05, 1.0 - (smallest - self._healthy_distance) / margin))
+        turn = self._turn(mean, confidence)
+        mean[PSI] = wrap_angle(mean[PSI] + turn)
+        self._states[:, PSI] += turn
         self._motion.correct(mean, confidence)
         self._unseen_s, self._unseen_frames = 0.0, 0
         self._seen_frames += 1
@@ -297,6 +300,15 @@ class ParticleFilterTracker:
         self._states = self._states[systematic_resample(weights, self._rng.random())]
         self._rates = np.tile(self._motion.rate, (len(self._states), 1))
         return mean, angle_std
+
+    def _turn(self, mean: np.ndarray, confidence: float) -> float:
+        """How far to turn the mean state (4,): to where it fits best, and then along the target's own lines, rad."""
+        turned = mean.copy()
+        if self._model is not None and self._config.turn_sweep_rad > 0.0:
+            turned[PSI] += self._best_turn(self._model, mean)
+        if confidence >= _LINES_FROM:
+            turned[PSI] += self._lines.turn(self._frame, turned)
+        return float(turned[PSI] - mean[PSI])
 
     def _best_turn(self, model: HistogramModel, mean: np.ndarray) -> float:
         """How far the mean state (4,) has to be turned to fit best, rad, within the sweep.
