@@ -14,8 +14,8 @@ SHELL := /bin/bash
 
 PYTHON := .venv/bin/python
 PYTEST := $(PYTHON) -m pytest
-# On two cores at once: tests/conftest.py says what stays together. System and browser tests need the machine to themselves.
-TWO_CORES := -n 2 --dist loadfile --no-loadscope-reorder
+# Beside each other, which two cores bear: tests/conftest.py says what stays together, and what needs the machine alone.
+BESIDE := -n 5 --dist loadfile --no-loadscope-reorder
 SETUP_FILES := pyproject.toml constraints.txt scripts/setup.sh
 # More for one command: make demo ARGS="--headless --duration 120"
 ARGS ?=
@@ -33,11 +33,11 @@ demo: .venv/.ready-run
 	@.venv/bin/outrider demo $(ARGS)
 
 test: .venv/.ready-test
-	$(PYTEST) $(TWO_CORES) tests/unit tests/property tests/replay
-	$(PYTEST) tests/system tests/browser
+	$(PYTEST) $(BESIDE) -m "not alone"
+	$(PYTEST) -m alone
 
 fast: .venv/.ready-dev
-	$(PYTEST) $(TWO_CORES) tests/unit tests/property -m "not slow" $(ARGS)
+	$(PYTEST) $(BESIDE) tests/unit tests/property -m "not slow" $(ARGS)
 
 lint: .venv/.ready-dev
 	$(PYTHON) -m ruff check .

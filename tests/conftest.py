@@ -10,12 +10,27 @@ import pytest
 from hypothesis import settings
 
 _FOLDER_MARKS = ("system", "browser")
-_REAL_TIME = ("test_autopilot_flight.py", "test_helm_autopilot_link.py", "test_helm_on_ardupilot.py")
-"""Flights in real time: on several processes they are flown in one of them, one after the other."""
+_LANES = {
+    "flights": ("test_autopilot_flight.py", "test_helm_autopilot_link.py", "test_helm_on_ardupilot.py"),
+    "conformance": ("test_conformance.py",),
+    "processes": (
+        "test_bad_input.py",
+        "test_recorder.py",
+        "test_rtsp_camera.py",
+        "test_topics_command.py",
+        "test_video.py",
+    ),
+}
+"""Tests in real time that wait more than they compute: on several processes each row runs in one, file after file, and
+they go first. The other tests fill the cores beside them."""
+_LANE = {name: lane for lane, names in _LANES.items() for name in names}
 
 
 def pytest_configure() -> None:
     """Property tests: no deadline (other processes share the cores), and in CI the same examples in every run."""
+    worker = os.environ.get("PYTEST_XDIST_WORKER", "gw0")
+    if int(worker.removeprefix("gw")) >= len(_LANES):
+        os.nice(5)  # what only computes gives way to what flies
     settings.register_profile("outrider", deadline=None, derandomize=bool(os.environ.get("CI")), print_blob=True)
     settings.load_profile("outrider")
 
@@ -47,9 +62,11 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         for mark in _FOLDER_MARKS:
             if mark in Path(item.path).parent.parts:
                 item.add_marker(mark)
+                if item.path.name not in _LANE:
+                    item.add_marker("alone")
     if hasattr(config, "workerinput"):
         long = {item.path for item in items if item.get_closest_marker("slow")}
-        items.sort(key=lambda item: (item.path.name not in _REAL_TIME, item.path not in long))
+        items.sort(key=lambda item: (item.path.name not in _LANE, item.path not in long))
     if config.getoption("--autopilot"):
         ours = [item for item in items if item.get_closest_marker("own_autopilot")]
         config.hook.pytest_deselected(items=ours)
@@ -58,4 +75,4 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 def _group(path: Path) -> str:
     """What runs in one process, one after the other."""
-    return "real time" if path.name in _REAL_TIME else str(path)
+    return _LANE.get(path.name, str(path))

@@ -10,7 +10,7 @@ import socket
 from collections.abc import Iterator
 
 LOOPBACK = "127.0.0.1"
-_FIRST_PORT, _PORTS_EACH = 20_000, 3_000
+_FIRST_PORT, _PORTS_EACH = 20_000, 2_400
 """Ports below those that the kernel gives to whoever asks for any: nobody else takes one before the test does."""
 
 
@@ -38,7 +38,7 @@ def free_port() -> int:
 
 
 def _each_free_port() -> Iterator[int]:
-    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")) % 4
+    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")) % 5
     start = random.SystemRandom().randrange(_PORTS_EACH)  # other runs on this machine begin elsewhere
     for number in itertools.count(start):
         port = _FIRST_PORT + worker * _PORTS_EACH + number % _PORTS_EACH

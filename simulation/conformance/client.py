@@ -93,16 +93,17 @@ class Client:
             Whether the condition came true; True without one.
         """
         end_s = self.now_s + duration_s
-        while True:
-            if until is not None and until():
-                return True
-            now_s = self.now_s
-            if now_s >= end_s:
+        over = False
+        while not (until is not None and until()):
+            if over:
                 return until is None
+            now_s = self.now_s
+            over = now_s >= end_s  # what came while this process had no core is looked at all the same
             self._send_due(now_s)
             due_s = min(end_s, self._beat_due_s, self._stream_due_s if self.stream else math.inf)
             for chunk in self.wire.receive(due_s):
                 self._take(chunk)
+        return True
 
     def _send_due(self, now_s: float) -> None:
         if now_s >= self._beat_due_s:
