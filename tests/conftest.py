@@ -11,7 +11,13 @@ from hypothesis import settings
 
 _FOLDER_MARKS = ("system", "browser")
 _LANES = {
-    "flights": ("test_autopilot_flight.py", "test_helm_autopilot_link.py", "test_helm_on_ardupilot.py"),
+    "flights": (
+        "test_autopilot_flight.py",
+        "test_follow_node.py",
+        "test_fusion_members.py",
+        "test_helm_autopilot_link.py",
+        "test_helm_on_ardupilot.py",
+    ),
     "conformance": ("test_conformance.py",),
     "processes": (
         "test_bad_input.py",

@@ -59,12 +59,12 @@ def test_a_frozen_and_a_killed_tracker_hold_nobody_and_come_back(fusion: LiveHab
         return longest
 
     run(1, 15)
-    stopped.add(members["mil"].pid)
-    os.kill(members["mil"].pid, signal.SIGSTOP)
+    frozen = members["mil"].pid
+    stopped.add(frozen)
+    os.kill(frozen, signal.SIGSTOP)
     run(15, 17)
     time.sleep(0.2)  # from now on nobody waits for it
     fusion._answer_within_s = 0.4
-    frozen = members["mil"].pid
     assert run(17, 25) < 0.9
     time.sleep(3.0)
     run(25, 26)
