@@ -19,7 +19,13 @@ ALLOWED = {
 }
 LIBRARIES = {
     # Session and bus alone speak Zenoh; the other two name its type of a raw sample.
-    "zenoh": ("common/session.py", "common/bus.py", "common/topics_tool.py", "ground/recorder/process.py"),
+    "zenoh": (
+        "common/session.py",
+        "common/bus.py",
+        "common/subscription.py",
+        "common/topics_tool.py",
+        "ground/recorder/process.py",
+    ),
     "mavsdk": ("onboard/helm/",),
     "pymavlink": ("simulation/", "benchmarks/"),
     "mujoco": ("simulation/world/", "benchmarks/"),
@@ -57,6 +63,7 @@ CAPABILITIES = ("common/geometry/", "common/tracking/", "onboard/", "ground/", "
 NOT_FOR_ALGORITHMS = {
     "common.session",
     "common.bus",
+    "common.subscription",
     "common.node",
     "common.runner",
     "common.launch",
