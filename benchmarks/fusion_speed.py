@@ -33,7 +33,7 @@ def run(settings: Settings) -> Outcome:
         "fusion_step_over_filter_step": float(np.median(step_us) / np.median(bare_us)),
     }
     frames = list(Scene(straight(60.0), settings.seed).frames((_QUICK_FRAMES if settings.quick else _FRAMES) / RATE_HZ))
-    for name in ("dsst", "cmt", "struck", "particle_filter", "mil", "hab-df"):
+    for name in ("dsst", "cmt", "struck", "tld", "particle_filter", "mil", "hab-df"):
         tracker = make_tracker(name, load_config(None), np.random.default_rng(settings.seed))
         tracker.init(frames[0][1], frames[0][2].box(), 0.0, 0)
         times = []

@@ -128,6 +128,7 @@ SECTIONS: dict[str, str] = {
     "dsst": "common.tracking.dsst_config:DsstConfig",
     "cmt": "common.tracking.cmt_config:CmtConfig",
     "struck": "common.tracking.struck_config:StruckConfig",
+    "tld": "common.tracking.tld_config:TldConfig",
     "mil": "common.tracking.mil_config:MilConfig",
     "hab_df": "onboard.fusion.config:HabDfConfig",
     "fusion": "onboard.fusion.config:FusionConfig",

@@ -72,8 +72,16 @@ class Appearance:
         """Relative similarity, 0 to 1, of a patch (225,), and its correlation with the nearest one of the target."""
         best = float((self._positives @ patch).max()) if len(self._positives) else -1.0
         worst = float((self._negatives @ patch).max()) if len(self._negatives) else -1.0
-        like, unlike = 1.0 - (best + 1.0) / 2, 1.0 - (worst + 1.0) / 2
-        return unlike / (like + unlike + 1e-6), best
+        return _relative(best, worst), best
+
+    def conservative_similarity(self, patch: np.ndarray) -> float:
+        """Relative similarity, 0 to 1, of a patch (225,) to the first half of the known ones of the target alone.
+
+        What was learned late may be wrong (Kalal et al. 2012, section 5.3).
+        """
+        best = float((self._positives[: (len(self._positives) + 1) // 2] @ patch).max())
+        worst = float((self._negatives @ patch).max()) if len(self._negatives) else -1.0
+        return _relative(best, worst)
 
     def learn_target(self, patch: np.ndarray) -> None:
         """Remember a patch (225,) of the target, unless one like it is known; the first one is kept for ever."""
@@ -83,9 +91,9 @@ class Appearance:
             self._positives = np.delete(self._positives, 1, axis=0)
         self._positives = np.vstack([self._positives, patch])
 
-    def learn_background(self, patch: np.ndarray) -> None:
-        """Remember a patch (225,) that is not the target, if it looks like it."""
-        if float((self._positives @ patch).max()) < _NEW_NEGATIVE:
+    def learn_background(self, patch: np.ndarray, least: float = _NEW_NEGATIVE) -> None:
+        """Remember a patch (225,) that is not the target, if it correlates with it by so much at least."""
+        if float((self._positives @ patch).max()) < least:
             return
         if len(self._negatives) and float((self._negatives @ patch).max()) > _NEW_POSITIVE:
             return
@@ -123,6 +131,12 @@ class Appearance:
             similarity, correlation = self.similarity(upright_patch(grey, box))
             judged.append(Candidate(box, similarity, correlation))
         return sorted(judged, key=lambda c: -c.similarity)
+
+
+def _relative(best: float, worst: float) -> float:
+    """Relative similarity, 0 to 1, by the correlations with the nearest patch of the target and of the background."""
+    like, unlike = 1.0 - (best + 1.0) / 2, 1.0 - (worst + 1.0) / 2
+    return unlike / (like + unlike + 1e-6)
 
 
 def _peaks(match: np.ndarray, side: tuple[int, int], count: int) -> list[tuple[float, float]]:

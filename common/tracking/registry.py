@@ -15,6 +15,7 @@ TRACKERS = {
     "dsst": "common.tracking.dsst:DsstTracker",
     "cmt": "common.tracking.cmt:CmtTracker",
     "struck": "common.tracking.struck:StruckTracker",
+    "tld": "common.tracking.tld:TldTracker",
     "mil": "common.tracking.mil:MilTracker",
     "hab-df": "onboard.fusion.tracker:HabDfTracker",
 }

@@ -91,7 +91,7 @@ def test_patches_tell_the_target_from_what_is_like_it() -> None:
     assert math.dist(found.box[:2], box[:2]) < 3.0
 
 
-BOXES = ("dsst", "cmt", "struck")
+BOXES = ("dsst", "cmt", "struck", "tld")
 
 
 def _of(name: str) -> Any:
