@@ -122,7 +122,7 @@ class Hall:
         self._half = np.array([*half_m, height_m])
         self._rng = np.random.default_rng((seed, 32))
         self._sigma = noise
-        self._noise = np.zeros((0, 0, 3), np.float32)
+        self._noise = np.zeros((0, 0, 3), np.int8)
 
     def picture(self, lens: Lens, things: Sequence[Thing], light: Light) -> np.ndarray:
         """The picture (H, W, 3), BGR, of the hall with things in it, the nearest drawn last."""
@@ -133,15 +133,15 @@ class Hall:
         blur = round(abs(light.turn_rad_s) * _EXPOSURE_S * lens.camera.fx_px)
         if blur > 1:
             frame = cv2.blur(frame, (blur, 1))
-        lit = frame * np.array(light.gain, np.float32) + self._grain(frame.shape)
-        return np.clip(lit, 0, 255, out=lit).astype(np.uint8)
+        _expose(frame, np.array(light.gain, np.float32), self._grain(frame.shape))
+        return frame
 
     def _grain(self, shape: tuple[int, ...]) -> np.ndarray:
         """Noise of one picture: one field, read at another place each time."""
         rows, columns = shape[:2]
         if self._noise.shape[:2] != (rows + _NOISE_PLACES, columns + _NOISE_PLACES):
             size = (rows + _NOISE_PLACES, columns + _NOISE_PLACES, 3)
-            self._noise = self._sigma * self._rng.standard_normal(size, np.float32)
+            self._noise = np.round(self._sigma * self._rng.standard_normal(size, np.float32)).astype(np.int8)
         row, column = self._rng.integers(0, _NOISE_PLACES, 2)
         return self._noise[row : row + rows, column : column + columns]
 
@@ -253,3 +253,13 @@ def _cast(atlas, turn, eye, half, focal, centre, out):  # type: ignore[no-untype
                 upper = atlas[i, j, c] * (1.0 - b) + atlas[i, m, c] * b
                 lower = atlas[k, j, c] * (1.0 - b) + atlas[k, m, c] * b
                 out[v, u, c] = upper * (1.0 - a) + lower * a
+
+
+@njit(nogil=True)
+def _expose(picture, gain, noise):  # type: ignore[no-untyped-def]
+    """Light and noise of the sensor, in place, on a picture (H, W, 3)."""
+    for v in range(picture.shape[0]):
+        for u in range(picture.shape[1]):
+            for c in range(3):
+                lit = picture[v, u, c] * gain[c] + np.float32(noise[v, u, c])
+                picture[v, u, c] = np.uint8(min(max(lit, np.float32(0.0)), np.float32(255.0)))

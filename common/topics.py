@@ -137,6 +137,7 @@ _TOPICS = (
     ),
     Topic("search/status", m.SearchStatus, 5, 1500, doc="way of the search, and how far it is"),
     Topic("follow/track", m.Track, 20, 500, priority="interactive_high", doc="the followed target, as fused on board"),
+    Topic("follow/members", m.FollowMembers, 10, 500, doc="where each of the follower's trackers sees its target"),
     Topic("approach/target", m.ApproachTarget, 10, 500, doc="what the approach has selected, and where it is"),
     Topic("helm/limiter", m.LimiterStatus, 10, 500, priority="interactive_high", doc="what the limiter does, and why"),
     Topic(

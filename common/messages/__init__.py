@@ -11,6 +11,8 @@ from __future__ import annotations
 from typing import Literal
 
 from common.messages.base import Message, MessageError, Quat, Vec2, Vec3, check_quaternion, check_range
+from common.messages.follow import FollowMembers as FollowMembers
+from common.messages.follow import MemberBox as MemberBox
 from common.messages.obstacles import SECTORS as SECTORS
 from common.messages.obstacles import LimiterStatus as LimiterStatus
 from common.messages.obstacles import Obstacle as Obstacle
@@ -174,11 +176,11 @@ class Command(Message, frozen=True, kw_only=True):
     """Argument of a query; which fields count depends on the command (see `common.topics.COMMANDS`)."""
 
     box_px: tuple[float, float, float, float] | None = None
-    """`pursuit/do/select`: x, y, width, height of the target in the picture, px."""
+    """`pursuit/do/select`, `follow/do/select`: x, y, width, height of the target in the picture, px."""
     angle_rad: float = 0.0
-    """`pursuit/do/select`: rotation of that box, rad."""
+    """The same: rotation of that box, rad."""
     capture_ns: int = 0
-    """`pursuit/do/select`: picture that the box was drawn on (0: the newest)."""
+    """The same: picture that the box was drawn on (0: the newest)."""
     height_m: float | None = None
     """`helm/do/takeoff`: height above home, m."""
     label: str = ""

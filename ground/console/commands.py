@@ -47,6 +47,8 @@ START_CHASE = Action("Start chase", ("helm/do/chase",), Icon.FOCUS_2)
 STOP_CHASE = Action("Stop chase", ("helm/do/hold", "pursuit/do/stop"), Icon.TARGET_OFF)
 FIND = Action("Find target", ("pursuit/do/find",), Icon.PHOTO_SEARCH, ButtonLook(height_px=34))
 FIND_AGAIN = Action("Find again", ("pursuit/do/reinitialise",), Icon.ZOOM_REPLACE, ButtonLook(height_px=34))
+START_FOLLOW = Action("Follow", ("helm/do/follow",), Icon.USER_SHARE)
+STOP_FOLLOW = Action("Stop following", ("helm/do/hold", "follow/do/stop"), Icon.USER_OFF)
 APPROACH = Action(
     "Approach",
     ("approach/do/select", "helm/do/approach"),
@@ -73,6 +75,7 @@ DISARM = Action("Disarm", ("helm/do/disarm",), Icon.LOCK, ButtonLook(height_px=3
 PUSH_BACK = Action(
     "Push-back on / off", ("helm/do/push-back",), Icon.ARROW_BACK_UP, ButtonLook(wide=True, height_px=34)
 )
+SELECT_FOLLOWED = Action("Choose what to follow", ("follow/do/select",), Icon.MARQUEE_2)
 SELECT = Action("Choose target", ("pursuit/do/select",), Icon.MARQUEE_2)
 
 BUTTONS = (
@@ -81,6 +84,8 @@ BUTTONS = (
     LAND,
     START_CHASE,
     STOP_CHASE,
+    START_FOLLOW,
+    STOP_FOLLOW,
     FIND,
     FIND_AGAIN,
     APPROACH,

@@ -15,7 +15,7 @@ from common.messages import Command, VehicleState
 from common.node import Inputs, Node, On, Output
 from common.session import BusConfig
 from ground.console.collector import Collector
-from ground.console.commands import CHOOSE, SELECT, Commander
+from ground.console.commands import CHOOSE, SELECT, SELECT_FOLLOWED, Commander
 from ground.console.config import ConsoleConfig
 from ground.console.page import Page
 from ground.console.people_cards import listed
@@ -103,7 +103,11 @@ class ConsoleNode(Node):
         return () if request is None else (request,)
 
     def _choose_in_picture(self, client: viser.ClientHandle, drawn: DrawnBox) -> None:
-        """A box on the chase's camera selects its target, one on another camera what to approach, by its direction."""
+        """A box is for the follower where the page says so; else one on the chase's camera selects its target, and one
+        on another camera what to approach, by its direction."""
+        if self._page.chooses_followed:
+            self._choose_followed(client, drawn)
+            return
         if drawn.camera == PURSUIT_CAMERA:
             self._page.notify(client, SELECT, Command(box_px=drawn.box_px, capture_ns=drawn.capture_ns))
             return
@@ -116,6 +120,18 @@ class ConsoleNode(Node):
         x, y, width, height = drawn.box_px
         bearing = bearing_rad(camera, state, x + width / 2, y + height / 2)
         self._page.notify(client, CHOOSE, Command(bearing_rad=bearing))
+
+    def _choose_followed(self, client: viser.ClientHandle, drawn: DrawnBox) -> None:
+        """A box on the camera that is followed."""
+        members = None if self._snapshot is None else self._snapshot.members
+        if members is None:
+            self._page.refuse(client, SELECT_FOLLOWED, "No word from the follower: is the node `follow` running?")
+        elif members.camera != drawn.camera:
+            reason = f"The box is on the camera {drawn.camera}; the vehicle follows by {members.camera}: draw it there."
+            self._page.refuse(client, SELECT_FOLLOWED, reason)
+        else:
+            argument = Command(box_px=drawn.box_px, capture_ns=drawn.capture_ns)
+            self._page.notify(client, SELECT_FOLLOWED, argument)
 
     def _choose_thing(self, client: viser.ClientHandle, event: viser.SceneClickEvent) -> None:
         """A click into the 3-D view on a person chooses them in the list, one on an obstacle selects it for the

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from common.messages import BONES, PersonDetection, Track
+from common.messages import BONES, MemberBox, PersonDetection, Track
 
 Pixels = NDArray[np.uint8]
 Colour = tuple[int, int, int]
@@ -20,6 +21,9 @@ ORANGE: Colour = (255, 159, 28)
 RED: Colour = (255, 90, 82)
 GREY: Colour = (150, 158, 167)
 WHITE: Colour = (240, 244, 248)
+BLUE: Colour = (74, 168, 255)
+MEMBER_COLOURS: tuple[Colour, ...] = ((255, 214, 90), (214, 140, 255), (120, 230, 230), (255, 150, 170))
+"""Of the trackers that the follower is fused from, in their order."""
 _FRAME: Colour = (13, 17, 23)
 _SURE = 0.3  # a joint less sure than this is not drawn
 _ASPECT_RANGE = (0.3, 4.0)
@@ -88,10 +92,28 @@ class Painter:
 
     def target(self, picture: Pixels, track: Track) -> None:
         """Draw the target's rotated rectangle: green when tracked, orange and dashed when lost."""
+        self._rectangle(picture, track, GREEN)
+
+    def followed(self, picture: Pixels, track: Track, members: Sequence[MemberBox]) -> None:
+        """Draw the follower's target, blue when seen, orange and dashed when lost, and in thin lines with their names
+        the boxes of the trackers that it is fused from."""
+        for row, member in enumerate(members):
+            if member.box_px is None:
+                continue
+            x, y, width, height = member.box_px
+            corners = np.array([(x, y), (x + width, y), (x + width, y + height), (x, y + height)])
+            shape = np.round(corners * 16).astype(np.int32).reshape(-1, 1, 2)
+            cv2.polylines(picture, [shape], True, MEMBER_COLOURS[row % len(MEMBER_COLOURS)], 1, cv2.LINE_AA, 4)
+            place = (round(x + width) + 4, round(y) + 12 + 14 * row)
+            cv2.putText(picture, member.name, place, MEMBER_COLOURS[row % len(MEMBER_COLOURS)], self._font, 13, 600)
+        self._rectangle(picture, track, BLUE)
+        self.word(picture, round(track.x_px), round(track.y_px + track.height_px / 2) + 4, "followed")
+
+    def _rectangle(self, picture: Pixels, track: Track, seen: Colour) -> None:
         if track.state == "idle":
             return
         corners = _corners(track)
-        colour = GREEN if track.state == "tracking" else ORANGE
+        colour = seen if track.state == "tracking" else ORANGE
         if track.state == "tracking":
             shape = np.round(corners * 16).astype(np.int32).reshape(-1, 1, 2)
             cv2.polylines(picture, [shape], True, (0, 0, 0), 4, cv2.LINE_AA, 4)

@@ -29,6 +29,7 @@ from ground.console.commands import (
     HOLD,
     PUSH_BACK,
     START_CHASE,
+    START_FOLLOW,
     TAKE_OFF,
     Action,
     Commander,
@@ -40,11 +41,13 @@ from ground.console.people_tab import PeopleTab
 from ground.console.plot import ErrorHistory, ErrorPlot
 from ground.console.ring import hud_html, knows_something
 from ground.console.snapshot import APPROACH as APPROACH_TOPIC
-from ground.console.snapshot import LIMITER, STATE, STATUS, Snapshot
+from ground.console.snapshot import FOLLOWED, LIMITER, STATE, STATUS, Snapshot
 from ground.console.stick import Speeds
 from ground.console.stick_page import FRAME
 from ground.console.style import ButtonLook, button_rules, style_html
 
+FOR_CHASE, FOR_FOLLOWER = "the chase's target", "what the vehicle follows by itself"
+"""What a box on the picture chooses."""
 AS_SELECTED: str = "as selected, else nearest ahead"
 """Choice of the list of things to approach."""
 _WIDTH_PX = 330
@@ -73,9 +76,10 @@ def next_actions(view: Snapshot) -> set[str]:
         return {ENGAGE.label}
     if status.state == "standby" and all(item.ok for item in status.preflight):
         return {TAKE_OFF.label}
-    if status.state == "hold" and view.track is not None and view.track.state == "tracking":
-        return {START_CHASE.label}
-    return set()
+    if status.state != "hold":
+        return set()
+    leads = (START_CHASE, view.track), (START_FOLLOW, view.followed if view.fresh(FOLLOWED) else None)
+    return {action.label for action, track in leads if track is not None and track.state == "tracking"}
 
 
 def hud(view: Snapshot) -> str:
@@ -135,6 +139,7 @@ class Page:
         flight_text = gui.add_html("")
         self._view_slot = gui.add_folder(None)
         self._camera = gui.add_dropdown("Camera", cameras, initial_value=config.camera, visible=len(cameras) > 1)
+        self._box_for = gui.add_dropdown("A box chooses", (FOR_CHASE, FOR_FOLLOWER))
         buttons = gui.add_folder(None)
         with buttons:
             self._buttons = {action.label: self._add_button(gui, action) for action in BUTTONS}
@@ -186,6 +191,11 @@ class Page:
     def camera(self) -> str:
         """Camera that the operator chose."""
         return self._camera.value
+
+    @property
+    def chooses_followed(self) -> bool:
+        """Whether a box on the picture is for the vehicle's own follower."""
+        return self._box_for.value == FOR_FOLLOWER
 
     @property
     def stick_speeds(self) -> Speeds:

@@ -221,6 +221,9 @@ class PictureBoard:
         self._draw_people(drawn, picture, view)
         if view.track is not None and view.fresh(TRACK) and view.shown == PURSUIT_CAMERA:
             self._painter.target(drawn, view.track)
+        followed = view.followed_in_picture
+        if followed is not None and view.members is not None:
+            self._painter.followed(drawn, followed, view.members.members)
         self._draw_approach(drawn, picture, view, collector)
         self._painter.aim(drawn)
         shown_age_ms = (view.t_ns - picture.taken_ns) / 1e6

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from common.geometry.camera import Camera
 from common.messages import (
     ApproachTarget,
+    FollowMembers,
     Health,
     HelmStatus,
     LimiterStatus,
@@ -27,6 +28,8 @@ STATE = "helm/state"
 STATUS = "helm/status"
 SETPOINT = "helm/setpoint"
 TRACK = "pursuit/track"
+FOLLOWED = "follow/track"
+MEMBERS = "follow/members"
 OBSTACLES = ("obstacles/depth", "obstacles/people", "obstacles/circles")
 LIMITER = "helm/limiter"
 APPROACH = "approach/target"
@@ -34,7 +37,21 @@ PEOPLE = "people/tracks"
 DETECTIONS = "people/detections"
 FACES = "people/pictures"
 SESSION = "session"
-TOPICS = (STATE, STATUS, SETPOINT, LIMITER, TRACK, APPROACH, *OBSTACLES, DETECTIONS, PEOPLE, FACES, SESSION)
+TOPICS = (
+    STATE,
+    STATUS,
+    SETPOINT,
+    LIMITER,
+    TRACK,
+    FOLLOWED,
+    MEMBERS,
+    APPROACH,
+    *OBSTACLES,
+    DETECTIONS,
+    PEOPLE,
+    FACES,
+    SESSION,
+)
 """Inputs that are there for every vehicle; with the pictures of its cameras they are all."""
 
 
@@ -92,6 +109,10 @@ class Snapshot:
     """Picture that the estimate belongs to (vehicle clock)."""
     tracked_ago_ms: float = -1.0
     """How long ago the target was last tracked, ms; -1: never."""
+    followed: Track | None = None
+    """Newest estimate of the follower's target."""
+    members: FollowMembers | None = None
+    """Newest word of the follower's trackers."""
     limiter: LimiterStatus | None = None
     """Newest status of the limiter."""
     approach: ApproachTarget | None = None
@@ -122,6 +143,13 @@ class Snapshot:
     def ago_s(self, stamp_ns: int) -> float | None:
         """Time since a stamp of the vehicle's clock, s; None while that clock is unknown."""
         return None if self.vehicle_ns is None else (self.vehicle_ns - stamp_ns) / 1e9
+
+    @property
+    def followed_in_picture(self) -> Track | None:
+        """The follower's target, where it has one in the camera that is shown; None without fresh word of it."""
+        mine = self.members is not None and self.fresh(MEMBERS) and self.members.camera == self.shown
+        track = self.followed if mine and self.fresh(FOLLOWED) else None
+        return track if track is not None and track.state != "idle" else None
 
     @property
     def in_picture(self) -> PeopleDetections | None:

@@ -50,7 +50,7 @@ class FollowConfig(Section, frozen=True, kw_only=True):
     """Target's acceleration that its filter reckons with (white, standard deviation), m/s²."""
     measurement_m: Positive = 0.06
     """Standard deviation of the target's measured place, m."""
-    coast_s: NonNegative = 1.0
+    coast_s: NonNegative = 2.0
     """How long an unseen target is flown after on its last velocity, s; then the vehicle hovers: nothing is asked."""
     answer_within_s: Positive = 0.02
     """How long a picture waits for its trackers, s; what comes later counts with its own capture time."""

@@ -13,7 +13,7 @@ from common.geometry.camera import Camera
 from common.geometry.config import CamerasConfig
 from common.geometry.rotation import euler_from_quat
 from common.header import Received
-from common.messages import CameraInfo, HelmStatus, Image, Reply, Track, VehicleState
+from common.messages import CameraInfo, FollowMembers, HelmStatus, Image, MemberBox, Reply, Track, VehicleState
 from common.node import CommandCall, Inputs, Node, On, Output
 from common.tracking.base import Box
 from onboard.follow.config import FollowConfig
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 _READY_S = 12.0
 _TOLD_NS = 200_000_000
+_MEMBERS_NS = 90_000_000
 _SAME_MOMENT_NS = 60_000_000
 
 
@@ -39,7 +40,7 @@ class FollowNode(Node):
         name: node name.
     """
 
-    outputs = ("helm/request/follow", "follow/track")
+    outputs = ("helm/request/follow", "follow/track", "follow/members")
     commands = ("follow/do/select", "follow/do/stop")
 
     def __init__(self, config: Config, name: str):
@@ -68,7 +69,7 @@ class FollowNode(Node):
         self._chosen = False
         """Whether the operator chose the target; else it is the chase's."""
         self._apart_ns: int | None = None
-        self._told_ns = 0
+        self._told_ns = self._members_ns = 0
 
     def step(self, inputs: Inputs, t_ns: int) -> Iterable[Output]:
         """One picture: track, look, ask."""
@@ -113,6 +114,13 @@ class FollowNode(Node):
             log.warning("the target is dropped: %s", error)
             return [Output("follow/track", Track(state="idle", reason=str(error)), capture_ns)]
         outputs = [Output("follow/track", followed.track, capture_ns)]
+        if capture_ns - self._members_ns >= _MEMBERS_NS:
+            self._members_ns = capture_ns
+            boxes = follower.fusion.member_boxes(capture_ns).items()
+            said = tuple(MemberBox(name=name, box_px=box) for name, box in boxes)
+            outputs.append(
+                Output("follow/members", FollowMembers(camera=self._settings.camera, members=said), capture_ns)
+            )
         if followed.request is not None:
             outputs.insert(0, Output("helm/request/follow", followed.request, capture_ns))
         return outputs
@@ -173,7 +181,10 @@ class FollowNode(Node):
         if active or t_ns - self._told_ns < _TOLD_NS:
             return ()
         self._told_ns = t_ns
-        return [Output("follow/track", Track(state="idle", reason="no target"))]
+        return [
+            Output("follow/track", Track(state="idle", reason="no target")),
+            Output("follow/members", FollowMembers(camera=self._settings.camera)),
+        ]
 
     def _depth_at(self, inputs: Inputs, capture_ns: int) -> np.ndarray | None:
         """Depth picture of that moment, (h, w), m; None without one."""

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from common.tracking.base import Box, check_box, check_frame
+from common.tracking.base import Box, TrackResult, check_box, check_frame, upright_box
 from onboard.fusion.center import Fused, Fusion
 from onboard.fusion.config import FusionConfig
 from onboard.fusion.members import Ask, MemberPool
@@ -39,6 +39,7 @@ class LiveHabDf:
         self._fused: Fused | None = None
         self._seen_ns = 0
         self._wanted: dict[str, int] = {}
+        self._said: dict[str, tuple[int, TrackResult]] = {}
         self.late = 0
         """Answers that came with a later picture than their own."""
         self.begun_anew: dict[str, str] = {}
@@ -59,7 +60,7 @@ class LiveHabDf:
         self._fusion = Fusion([source_of(name) for name in self.pool.members], self._config)
         self._fit(box[2], box[3])
         self._wanted = {}
-        self._fused, self._seen_ns = None, t_ns
+        self._fused, self._seen_ns, self._said = None, t_ns, {}
         for member in self.pool.members.values():
             member.started = False
             member.ask(Ask("init", t_ns, frame.shape, box), frame)
@@ -76,6 +77,14 @@ class LiveHabDf:
             return None
         u, v = float(fused.value[0]), float(fused.value[1])
         return u - self._size[0] / 2, v - self._size[1] / 2, *self._size
+
+    def member_boxes(self, t_ns: int) -> dict[str, Box | None]:
+        """Newest box of each tracker, px, by name; None for one that has not seen the target of late."""
+        boxes: dict[str, Box | None] = dict.fromkeys(self.pool.members)
+        for name, (said_ns, result) in self._said.items():
+            if result.state == "tracking" and t_ns - said_ns <= _RECENT_NS:
+                boxes[name] = upright_box(result)
+        return boxes
 
     def sees(self, t_ns: int) -> bool:
         """Whether the answer has rested on trustworthy trackers of late: they do not all answer in every step."""
@@ -98,6 +107,7 @@ class LiveHabDf:
         for name, answer in answers.items():
             self.late += answer.t_ns < t_ns
             if answer.result is not None:
+                self._said[name] = (answer.t_ns, answer.result)
                 measurements.append(measurement_of(name, answer.result, answer.t_ns))
             elif answer.error:
                 measurements.append(Measurement(name, answer.t_ns, None))

@@ -171,6 +171,15 @@ class View:
             mouse.move(start[0] + (end[0] - start[0]) * i / 5, start[1] + (end[1] - start[1]) * i / 5)
         mouse.up()
 
+    def draw(self, box: tuple[float, float, float, float]) -> None:
+        """Draw a box, x, y, width, height, px of the picture of 640x480."""
+        canvas = self.canvas()
+        scale = min(canvas["width"] / 640, canvas["height"] / 480)
+        left = canvas["x"] + (canvas["width"] - 640 * scale) / 2
+        top = canvas["y"] + (canvas["height"] - 480 * scale) / 2
+        x, y, width, height = box
+        self.drag((left + x * scale, top + y * scale), (left + (x + width) * scale, top + (y + height) * scale))
+
 
 @pytest.fixture(scope="session")
 def bus_config() -> Iterator[BusConfig]:

@@ -21,10 +21,12 @@ from common.messages import (
     SECTORS,
     ApproachTarget,
     Command,
+    FollowMembers,
     Health,
     HelmStatus,
     Image,
     LimiterStatus,
+    MemberBox,
     Obstacle,
     Obstacles,
     People,
@@ -44,7 +46,7 @@ from common.session import BusConfig
 from common.topics import COMMANDS, health_topic
 from tests.flying import flying
 
-NODES = ("camera", "helm", "people", "pursuit", "recorder", "world")
+NODES = ("camera", "follow", "helm", "people", "pursuit", "recorder", "world")
 CHECKS = (
     PreflightItem(name="position", ok=True, detail="fused, 0.3 m"),
     PreflightItem(name="camera", ok=True, detail="20.0 Hz, 45 ms old"),
@@ -121,6 +123,8 @@ class Script:
     obstacles: tuple[Obstacle, ...] = ()
     limiter: LimiterStatus | None = None
     approach: ApproachTarget | None = None
+    members: tuple[MemberBox, ...] = ()
+    """Where each of the follower's trackers sees the car; its fused box is the first one's."""
     people: tuple[Person, ...] = ()
     detections: tuple[PersonDetection, ...] = ()
     """Who is in each picture."""
@@ -221,6 +225,7 @@ class ScriptedVehicle:
             )
             self._buses["people"].publish("people/detections", found, capture_ns)
         self.captures.append(capture_ns)
+        self._follow(capture_ns)
         if not self.script.track_state:
             return
         track = Track(
@@ -236,6 +241,15 @@ class ScriptedVehicle:
             error_m=1.0,
         )
         self._buses["pursuit"].publish("pursuit/track", track, capture_ns)
+
+    def _follow(self, capture_ns: int) -> None:
+        members = self.script.members
+        track = Track(state="idle", reason="no target")
+        if members and members[0].box_px is not None:
+            x, y, width, height = members[0].box_px
+            track = Track(state="tracking", x_px=x + width / 2, y_px=y + height / 2, width_px=width, height_px=height)
+        self._buses["follow"].publish("follow/track", track, capture_ns)
+        self._buses["follow"].publish("follow/members", FollowMembers(camera="down", members=members), capture_ns)
 
     def _state(self, t_s: float) -> None:
         s = self.script

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser
 
-from common.messages import PreflightItem, Reply
+from common.messages import MemberBox, PreflightItem, Reply
 from common.session import BusConfig
 from tests.browser.conftest import WAIT_MS, Console, View, open_view, wait_for
 from tests.browser.scripted import CHECKS, ScriptedVehicle, barrel
@@ -20,6 +20,8 @@ from tests.machine import free_ports
 
 GREEN = (132, 220, 61)
 ORANGE = (28, 159, 255)
+BLUE = (255, 168, 74)
+VIOLET = (255, 140, 214)
 
 
 @pytest.fixture
@@ -95,6 +97,8 @@ def test_buttons_give_their_commands(view: View, vehicle: ScriptedVehicle) -> No
         ("Engage", ["helm/do/engage"]),
         ("Start chase", ["helm/do/chase"]),
         ("Stop chase", ["helm/do/hold", "pursuit/do/stop"]),
+        ("Follow", ["helm/do/follow"]),
+        ("Stop following", ["helm/do/hold", "follow/do/stop"]),
         ("Find target", ["pursuit/do/find"]),
         ("Find again", ["pursuit/do/reinitialise"]),
         ("Disarm", ["helm/do/disarm"]),
@@ -121,12 +125,7 @@ def test_a_slow_takeoff_does_not_delay_hold(view: View, vehicle: ScriptedVehicle
 def test_drawn_box_reaches_the_pursuit_in_picture_pixels(
     view: View, vehicle: ScriptedVehicle, box: tuple[float, float, float, float]
 ) -> None:
-    canvas = view.canvas()
-    scale = min(canvas["width"] / 640, canvas["height"] / 480)
-    left = canvas["x"] + (canvas["width"] - 640 * scale) / 2
-    top = canvas["y"] + (canvas["height"] - 480 * scale) / 2
-    x, y, width, height = box
-    view.drag((left + x * scale, top + y * scale), (left + (x + width) * scale, top + (y + height) * scale))
+    view.draw(box)
     wait_for(lambda: vehicle.commands, what="the selection")
     name, command = vehicle.commands[0]
     assert name == "pursuit/do/select"
@@ -134,6 +133,27 @@ def test_drawn_box_reaches_the_pursuit_in_picture_pixels(
     assert command.capture_ns in vehicle.captures
     assert command.capture_ns >= vehicle.captures[-1] - 2_000_000_000
     view.wait_text("Choose target: done")
+
+
+def test_box_for_the_follower_reaches_it_and_its_trackers_are_drawn(view: View, vehicle: ScriptedVehicle) -> None:
+    vehicle.script.moving = False
+    box = (260.0, 200.0, 120.0, 80.0)
+    view.choose("A box chooses", "what the vehicle follows by itself")
+    view.draw(box)
+    wait_for(lambda: vehicle.commands, what="the selection")
+    name, command = vehicle.commands[0]
+    assert name == "follow/do/select"
+    assert command.box_px == pytest.approx(box, abs=8)
+    assert command.capture_ns in vehicle.captures
+    view.wait_text("Choose what to follow: done")
+    assert view.middle_share(BLUE) < 0.001
+    vehicle.script.members = (
+        MemberBox(name="dsst", box_px=box),
+        MemberBox(name="cmt", box_px=(270.0, 210.0, 90.0, 60.0)),
+    )
+    wait_for(lambda: view.middle_share(BLUE) > 0.005, what="the follower's box")
+    assert view.middle_share(VIOLET) > 0.0003, "that of its second tracker"
+    view.choose("A box chooses", "the chase's target")
 
 
 def test_box_that_names_no_target_is_refused_by_the_console(view: View, vehicle: ScriptedVehicle) -> None:

@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from common.messages import Track
+from common.messages import FollowMembers, MemberBox, Track
 from ground.console.captions import target_caption
-from ground.console.overlay import GREEN, ORANGE, Caption, Letterbox, Painter, decode, on_canvas
+from ground.console.overlay import BLUE, GREEN, MEMBER_COLOURS, ORANGE, Caption, Letterbox, Painter, decode, on_canvas
 from ground.console.pictures import BoxRefused, Shown, choose_picture, drawn_box
 from ground.console.scene import Trail
-from ground.console.snapshot import TRACK, Picture, Snapshot
+from ground.console.snapshot import FOLLOWED, MEMBERS, TRACK, Picture, Snapshot
 
 MS = 1_000_000
 
@@ -101,6 +101,28 @@ def test_box_is_drawn_along_the_rotated_rectangle(state: str, colour: tuple[int,
     off_edge = np.minimum(np.abs(np.abs(along[:, 0]) - 40), np.abs(np.abs(along[:, 1]) - 20))
     assert len(drawn) > 100
     assert off_edge.max() < 2.5
+
+
+def test_the_followed_target_and_its_trackers_are_drawn() -> None:
+    picture = np.zeros((200, 200, 3), np.uint8)
+    track = Track(state="tracking", x_px=90, y_px=90, width_px=60, height_px=40)
+    members = MemberBox(name="dsst"), MemberBox(name="cmt", box_px=(30.0, 40.0, 100.0, 110.0))
+    Painter().followed(picture, track, members)
+    drawn = np.argwhere((picture == BLUE).all(axis=2))[:, ::-1] - (90.0, 90.0)
+    drawn = drawn[np.hypot(*drawn.T) > 8]
+    assert len(drawn) > 100
+    assert np.minimum(np.abs(np.abs(drawn[:, 0]) - 30), np.abs(np.abs(drawn[:, 1]) - 20)).max() < 2.5
+    assert np.abs(picture[40, 40:120].astype(int) - MEMBER_COLOURS[1]).max() < 30
+    assert not (picture == MEMBER_COLOURS[0]).all(axis=2).any(), "a tracker that sees nothing has no box"
+
+
+def test_the_followers_target_is_shown_on_its_own_camera_alone() -> None:
+    fresh = {MEMBERS: 50.0, FOLLOWED: 50.0}
+    view = Snapshot(0, fresh, followed=Track(state="lost"), members=FollowMembers(camera="down"), shown="down")
+    assert view.followed_in_picture is view.followed
+    assert replace(view, shown="front").followed_in_picture is None
+    assert replace(view, followed=Track(state="idle")).followed_in_picture is None
+    assert replace(view, ages_ms=fresh | {FOLLOWED: 900.0}).followed_in_picture is None
 
 
 def test_idle_track_draws_nothing() -> None:

@@ -33,7 +33,7 @@ from ground.console.cards import (
 from ground.console.config import ConsoleConfig
 from ground.console.page import next_actions
 from ground.console.plot import ErrorHistory
-from ground.console.snapshot import APPROACH, STATE, STATUS, TRACK, Snapshot, picture_topic
+from ground.console.snapshot import APPROACH, FOLLOWED, STATE, STATUS, TRACK, Snapshot, picture_topic
 from ground.console.target import bearing_rad, ground_point_m, pixels_of, point_on_ray
 from tests.flying import flying
 
@@ -208,6 +208,10 @@ def test_flight_state_in_words() -> None:
         (snapshot(status=status(state="standby", in_air=False)), {"Take off"}),
         (snapshot(), {"Start chase"}),
         (snapshot(track=Track(state="lost")), set()),
+        (
+            snapshot(track=Track(state="lost"), followed=Track(state="tracking"), ages={STATUS: 100.0, FOLLOWED: 50.0}),
+            {"Follow"},
+        ),
         (snapshot(ages={STATUS: 4000.0}), set()),
     ],
 )

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks.painted_scene import Pose, Scene, straight
-from common.messages import Command, HelmStatus, Image, Request, Track
+from common.messages import Command, FollowMembers, HelmStatus, Image, Request, Track
 from common.node import Output, ScriptedRun
 from common.processes import load_config
 from onboard.follow.node import FollowNode
@@ -57,7 +57,10 @@ class Rig:
 def test_without_a_target_nothing_is_asked_and_no_tracker_runs() -> None:
     rig = Rig()
     told = [o for _ in range(12) for o in rig.picture()]
-    assert {o.topic for o in told} == {"follow/track"} and 2 <= len(told) <= 4, "five a second"
+    topics = [o.topic for o in told]
+    assert set(topics) == {"follow/track", "follow/members"}
+    assert 2 <= topics.count("follow/track") == topics.count("follow/members") <= 4, "five a second"
+    assert all(o.message == FollowMembers(camera="down") for o in told if o.topic == "follow/members")
     assert rig.node.metrics() == {}
     assert rig.call("select", Command()) == "refused: select: got no box, expected x, y, width, height in px"
     assert rig.call("stop", Command()).startswith("done")
@@ -80,6 +83,11 @@ def test_what_was_chosen_is_followed_until_it_is_away_for_long() -> None:
         assert asked[-1].vector[1] > east_m_s - 0.1, "as fast as the car, and what it takes to come above it"
         track = rig.target()
         assert track.state == "tracking" and math.hypot(track.x_px - rig.pose.x_px, track.y_px - rig.pose.y_px) < 6.0
+        words = [o.message for _ in range(6) for o in rig.picture() if isinstance(o.message, FollowMembers)]
+        assert 1 <= len(words) <= 4, "ten a second"
+        (member,) = words[-1].members
+        assert member.name == "dsst" and member.box_px is not None
+        assert abs(member.box_px[0] + member.box_px[2] / 2 - rig.pose.x_px) < 12.0
         assert rig.call("stop", Command()).startswith("done")
         assert rig.requests(3) == []
     finally:
