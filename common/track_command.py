@@ -19,7 +19,10 @@ def add(sub: argparse._SubParsersAction) -> argparse.ArgumentParser:
     track.add_argument("source", metavar="SOURCE", help="video file or image folder")
     which = track.add_mutually_exclusive_group()
     which.add_argument(
-        "--tracker", metavar="NAME", default="pursuit", help="pursuit, dsst, mil or hab-df (default: pursuit)"
+        "--tracker",
+        metavar="NAME",
+        default="pursuit",
+        help="pursuit, dsst, cmt, struck, tld, mil, or hab-df, which fuses several (default: pursuit)",
     )
     which.add_argument(
         "--all", action="store_true", dest="side_by_side", help="each member of hab-df alone, and hab-df, side by side"

@@ -17,12 +17,12 @@ import numpy as np
 from common.config import Config, ConfigError
 from common.tracking.base import Box, SearchingTracker, Tracker, TrackResult, upright_box
 from common.tracking.model_picture import read_model
-from common.tracking.registry import TRACKERS, make_tracker, tracker_class
+from common.tracking.registry import TRACKERS, make_tracker
 from common.video import FileSource
 
 State = Literal["tracking", "lost", "reacquired"]
 COLUMNS = ("frame", "x", "y", "w", "h", "angle_deg", "score", "state")
-NAMES = {"pursuit": "particle_filter", **{name: name for name in TRACKERS}}
+NAMES = {"pursuit": "particle_filter", **{name: name for name in TRACKERS if name != "particle_filter"}}
 """Names of `--tracker`: the node that a tracker serves, or its own."""
 _DEFAULT_RATE_HZ = 25.0
 _LIVE = ("rtsp://", "rtsps://", "v4l2:", "/dev/")
@@ -102,9 +102,9 @@ def rows(job: TrackJob, config: Config, source: FileSource) -> Iterator[tuple[Ro
         raise ConfigError("track: expected either --init x,y,w,h or --model IMAGE; give one of them")
     if job.init_frame < 0:
         raise ConfigError(f"--init-frame: got {job.init_frame}, expected the number of a picture, from 0")
-    name = NAMES.get(job.tracker, job.tracker)
-    tracker_class(name)
-    tracker = make_tracker(name, config, np.random.default_rng(job.seed))
+    if job.tracker not in NAMES:
+        raise ConfigError(f"--tracker: got {job.tracker!r}, expected one of: {', '.join(NAMES)}")
+    tracker = make_tracker(NAMES[job.tracker], config, np.random.default_rng(job.seed))
     model = None if job.model is None else read_model(job.model, "--model")
     period_ns = 1e9 / (job.rate_hz or source.rate_hz or _DEFAULT_RATE_HZ)
     run = _Run(job, tracker, model)

@@ -158,7 +158,10 @@ def test_upright_box_encloses_the_ellipse(angle_deg: float, expected: tuple[floa
         (("--init", "32,216,96,48", "--rate", "0"), "--rate: got 0, expected pictures a second, above 0"),
         (("--init", "32,216,96,48", "--rate", "nan"), "--rate: got nan, expected pictures a second, above 0"),
         (("--init", "", "--tracker", "pursuit"), "--init: got '', expected x,y,w,h in px"),
-        (("--init", "32,216,96,48", "--tracker", "persuit"), "tracker: got 'persuit'"),
+        (
+            ("--init", "32,216,96,48", "--tracker", "persuit"),
+            "--tracker: got 'persuit', expected one of: pursuit, dsst",
+        ),
         (("--init", "32,216,96,48", "--out", "/no/such/folder/a.csv"), "--out: cannot write"),
         (("--init", "32,216,96,48", "--video", "/no/such/folder/a.mp4"), "--video: cannot write"),
         (("--model", "nothing.png"), "--model: got 'nothing.png', expected an image file"),
