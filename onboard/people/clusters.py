@@ -84,12 +84,18 @@ def find_clusters(cloud: Cloud, floor: Floor, config: ClusterConfig) -> list[Clu
 
     Clusters that cannot be a person are in the list too: `Cluster.refusal` says why.
     """
-    heights, above, labels = labels_above(cloud, floor, config)
+    return clusters_of(cloud, floor, *labels_above(cloud, floor, config), config)
+
+
+def clusters_of(
+    cloud: Cloud, floor: Floor, heights: Floats, above: Ints, labels: Ints, config: ClusterConfig
+) -> list[Cluster]:
+    """The same of points that have their labels (`labels_above`)."""
     plan = Plan.of(floor.up)
     found: list[Cluster] = []
     for members in _groups(labels, above):
         # What is smaller than this is no person, alone or as a part.
-        if _areas_m2(cloud, members).sum() >= config.least_area_m2:
+        if areas_m2(cloud, members).sum() >= config.least_area_m2:
             found += _whole_or_parts(cloud, heights, members, plan, config)
     return sorted(found, key=lambda c: -c.area_m2)
 
@@ -103,7 +109,8 @@ def _groups(labels: Ints, rows: Ints) -> Iterator[Ints]:
         yield rows[order[begin:end]]
 
 
-def _areas_m2(cloud: Cloud, members: Ints) -> NDArray[np.float64]:
+def areas_m2(cloud: Cloud, members: Ints) -> NDArray[np.float64]:
+    """What each of some points stands for across the rays, m²."""
     return (cloud.points_m[members, 2].astype(float) * (cloud.stride / cloud.focal_px)) ** 2
 
 
@@ -145,5 +152,5 @@ def measure(cloud: Cloud, heights: Floats, members: Ints, plan: Plan) -> Cluster
         float(sides[0]),
         float(sides[1]),
         float(np.percentile(heights[members], _ENDS[1])),
-        float(_areas_m2(cloud, members).sum()),
+        float(areas_m2(cloud, members).sum()),
     )

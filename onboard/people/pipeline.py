@@ -16,13 +16,15 @@ from numpy.typing import NDArray
 
 from common.geometry.camera import Camera
 from onboard.people.appearance import look_of
+from onboard.people.bodies import VehiclePose
 from onboard.people.depth import UnusableDepth
 from onboard.people.detector import PersonDetector
+from onboard.people.memory import Memory
 from onboard.people.pipeline_config import PeopleConfig
-from onboard.people.pose import Picture, Pose, PoseFinder, PoseNetwork
+from onboard.people.pose import STANDING_M, Picture, Pose, PoseFinder, PoseNetwork
 from onboard.people.pose_filter import pose_refusal
 from onboard.people.regions import Box
-from onboard.people.sights import DepthSearch, Sight, VehiclePose
+from onboard.people.sights import DepthSearch, Sight
 from onboard.people.tracks import Detection, PeopleTracker, Track
 from onboard.people.walk import Walks
 from onboard.people.watch import Spot, Watch
@@ -31,6 +33,8 @@ _SEEN = 0.6
 """Joints of this confidence are in the picture."""
 _SMOOTHING = 0.2
 """Share of the newest look's duration in what the next one is expected to take."""
+_LEAST_LEFT = 0.5
+"""A look is begun when so much of what it is expected to take is left of the budget."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +65,8 @@ class Found:
     """Joints in this picture."""
     fresh: bool
     """Whether they were found in it, rather than moved along from an earlier one."""
+    picture_px: tuple[int, int] | None = None
+    """Width and height of the picture, where the box ends."""
 
     @property
     def box_px(self) -> Box:
@@ -68,7 +74,10 @@ class Found:
         the ground is floor, and the depth picture may end before the person does."""
         x, y, w, h = self.sight.region.box_px
         seen = self.pose.joints_px[self.pose.confidence > _SEEN]
-        if not len(seen):
+        if self.picture_px is not None:
+            seen = seen[((seen >= 0) & (seen < self.picture_px)).all(axis=1)]
+        stands = (self.sight.region.height_m or 0.0) > STANDING_M
+        if not len(seen) or (stands and not self.fresh):  # whose limbs may be elsewhere by now
             return x, y, w, h
         low = np.minimum(np.floor(seen.min(axis=0)).astype(int), (x, y))
         high = np.maximum(np.ceil(seen.max(axis=0)).astype(int), (x + w, y + h))
@@ -121,6 +130,8 @@ class PeoplePipeline:
         self._detector, self._clock = detector, clock or _standstill
         self.fit(colour, depth)
         self._finder = PoseFinder(network)
+        self._memory = Memory()
+        self._left_ms = 0.0  # of the budget; less than nothing after looks that took longer
         self._look_ms = {False: 0.0, True: 0.0}  # of a region that is new, of one whose pose is known
         self._last_ns: int | None = None
 
@@ -143,6 +154,7 @@ class PeoplePipeline:
             KeyError: there is none of one of the numbers.
         """
         self.tracker.merge(number, into)
+        self._memory.forget(number)
         self.watch.merged(number, into)
 
     def look(self, frame: Frame) -> Findings:
@@ -155,6 +167,7 @@ class PeoplePipeline:
         sights, with_depth, reason = self._sights(frame)
         between = self._clock()
         spots = self.watch.follow(sights, frame.capture_ns)
+        self._recognise(spots, frame)
         looks = self._pose(spots, frame, with_depth)
         posed = self._clock()
         people = self._identify(spots, frame)
@@ -181,7 +194,8 @@ class PeoplePipeline:
         reason = self._blind or self._mismatch(frame)
         if not reason and self._search is not None and frame.depth is not None:
             try:
-                sights = self._search.find(frame.depth, frame.vehicle)
+                expected = self._memory.expected(self.tracker.tracks, self.walks, frame.capture_ns)
+                sights = self._search.find(frame.depth, frame.vehicle, expected)
             except UnusableDepth as unusable:
                 reason = str(unusable)
             else:
@@ -199,24 +213,41 @@ class PeoplePipeline:
             return ""
         return f"picture and depth are {apart_ms:.0f} ms apart, expected {self.config.pair_ms:g} ms or less"
 
+    def _recognise(self, spots: Sequence[Spot], frame: Frame) -> None:
+        """Take those who are back where they were, with the colours that they had, for themselves: their next pose need
+        not be waited for."""
+        tracks = {track.number: track for track in self.tracker.tracks}
+        for spot in spots:
+            body, pose = spot.sight.body, spot.sight.pose
+            if spot.pose is not None or body is None or pose is None:
+                continue
+            track = tracks.get(body.number)
+            if track is None or not track.confirmed or track.seen_ns >= frame.capture_ns:
+                continue
+            look = look_of(frame.colour, spot.sight.region, pose)
+            if self.tracker.recognises(track, look, pose, frame.capture_ns):
+                spot.recognised(pose, look, track.number, frame.capture_ns)
+
     def _pose(self, spots: Sequence[Spot], frame: Frame, with_depth: bool) -> int:
         """Look for poses, the most urgent regions first, within the budget; how many were looked at."""
-        budget_ms = self.config.watch.budget_ms
-        start, looks = self._clock(), 0
+        budget_ms, looks = self.config.watch.budget_ms, 0
+        # What the last picture's looks took too long is missing now, so that the budget holds over time.
+        self._left_ms = min(self._left_ms + budget_ms, budget_ms)
         for spot in self.watch.due(spots, frame.capture_ns) if budget_ms else spots:
-            begun, known = self._clock(), spot.up is not None
+            begun, known = self._clock(), spot.expected(frame.capture_ns) is not None
             expected_ms = self._look_ms[known]
-            if budget_ms and looks and 1e3 * (begun - start) + expected_ms > budget_ms:
+            if budget_ms and self._left_ms < _LEAST_LEFT * min(expected_ms, budget_ms):
                 break
             self._pose_of(spot, frame, with_depth)
             looks += 1
             took_ms = 1e3 * (self._clock() - begun)
+            self._left_ms -= took_ms
             self._look_ms[known] += (_SMOOTHING if expected_ms else 1.0) * (took_ms - expected_ms)
         return looks
 
     def _pose_of(self, spot: Spot, frame: Frame, with_depth: bool) -> None:
         region = spot.sight.region
-        pose = self._finder.find(frame.colour, region, spot.up)
+        pose = self._finder.find(frame.colour, region, spot.expected(frame.capture_ns))
         focal_px = None
         if with_depth and self._colour is not None:
             focal_px = 0.5 * (self._colour.fx_px + self._colour.fy_px)
@@ -244,12 +275,14 @@ class PeoplePipeline:
             pose = spot.pose_now(t_ns)
             if number not in tracks or pose is None:
                 continue
-            if spot.sight.ned_p_m is not None:
+            if spot.sight.ned_p_m is not None and not spot.sight.region.at_edge:
                 self.walks.add(number, t_ns, spot.sight.ned_p_m)
             fresh = spot.posed_ns == t_ns
+            self._memory.see(number, spot.sight, self._colour, frame.vehicle, pose if fresh else None)
             # A pose cannot be moved along with a region that is cut anew in every picture.
-            if not tracks[number].dismissed and (fresh or not spot.sight.region.cut or spot.keeps_shape):
-                found.append(Found(number, spot.sight, pose, fresh))
+            placed = fresh or spot.sight.pose is not None or not spot.sight.region.cut or spot.keeps_shape
+            if placed and not tracks[number].dismissed:
+                found.append(Found(number, spot.sight, pose, fresh, frame.colour.shape[1::-1]))
         return tuple(found)
 
 

@@ -60,6 +60,14 @@ class Region:
     """What its top looks like; None without depth."""
     cut: bool = False
     """Whether the depth picture ends within it although the colour picture goes on: there is more than it shows."""
+    at_edge: bool = False
+    """Whether one of the pictures ends within it: there may be more than can be seen."""
+
+    @property
+    def middle_px(self) -> Array:
+        """(2,) centre of gravity of the mask in the picture, px."""
+        rows, columns = np.nonzero(self.mask)
+        return np.array([columns.mean(), rows.mean()]) + self.box_px[:2]
 
     def axis(self) -> tuple[Array, Array]:
         """Ends (2,), (2,) of the principal axis of the mask, px in the picture: where head and feet may be."""
@@ -152,6 +160,7 @@ def _region(
     drawn = np.asarray(cv2.morphologyEx(drawn, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)))
     x, y, z = points.mean(axis=0)
     whole = bool((low > 0).all() and (high < (colour.width, colour.height)).all())
+    bordered = _at_border(dense, table)
     return Region(
         (int(low[0]), int(low[1]), int(high[0] - low[0]), int(high[1] - low[1])),
         drawn > 0,
@@ -160,7 +169,8 @@ def _region(
         cluster.width_m,
         cluster.height_m,
         _crown(dense, points, floor, table, colour),
-        whole and _at_border(dense, table),
+        whole and bordered,
+        bordered or not whole,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,26 +10,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from common.geometry.camera import Camera
 from common.geometry.rotation import Array, quat_rotate
-from onboard.people.clusters import Cluster, find_clusters
-from onboard.people.depth import Cloud, RayTable, UnusableDepth, metres
-from onboard.people.floor import TOWARDS_CAMERA, find_floor, up_in_camera
+from onboard.people.bodies import Body, Claimed, VehiclePose, claims, hang_on
+from onboard.people.clusters import Cluster, areas_m2, clusters_of, labels_above, measure
+from onboard.people.depth import Cloud, Floats, Ints, RayTable, UnusableDepth, metres
+from onboard.people.floor import TOWARDS_CAMERA, Floor, find_floor, up_in_camera
 from onboard.people.pipeline_config import PeopleConfig
+from onboard.people.pose import Pose
 from onboard.people.regions import Region, Registration, find_regions
+from onboard.people.split import Plan
 
 _NEAREST_PERCENT = 2.0
 """The nearest point of a body is the one at this percentile of the distances: nearer ones are flying pixels."""
 _BODY_SIGMA_M = 0.1
 """How far the middle of what is seen may lie from the middle of the body, m."""
-
-
-@dataclass(frozen=True)
-class VehiclePose:
-    """Where the vehicle was when the picture was taken."""
-
-    ned_p_m: Array
-    """(3,) position from home, NED, m."""
-    ned_q_body: Array
-    """(4,) attitude."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +37,16 @@ class Sight:
     """(3, 3) its covariance."""
     ned_nearest_m: Array | None = None
     """(3,) its point nearest to the vehicle's centre, from home, NED, m."""
+    points_m: Array | None = None
+    """(M, 3) points of it, about as far apart as the cloud's, in the colour camera's optical frame, m."""
+    area_m2: float = 0.0
+    """What they stand for across the rays, m²."""
+    camera_height_m: float = 0.0
+    """Height of the camera above the floor, m."""
+    body: Body | None = None
+    """Somebody known who was expected here and is, and how they lie here."""
+    pose: Pose | None = None
+    """That in the picture."""
 
 
 class DepthSearch:
@@ -60,12 +64,13 @@ class DepthSearch:
         self._registration = Registration.of(depth, colour)
         self._rng = np.random.default_rng(config.seed)
 
-    def find(self, depth: NDArray, vehicle: VehiclePose | None) -> list[Sight]:
-        """Regions that may be people, the largest first.
+    def find(self, depth: NDArray, vehicle: VehiclePose | None, bodies: Sequence[Body] = ()) -> list[Sight]:
+        """Regions that may be people: those of people known who are where they were, and the rest, the largest first.
 
         Args:
             depth: (H, W); uint16 in mm, or float in m.
             vehicle: for the direction up and for places in NED; None where it is not known.
+            bodies: people known, who take their points first.
 
         Raises:
             UnusableDepth: the picture cannot be used, or shows no floor; the text says why.
@@ -82,22 +87,78 @@ class DepthSearch:
                 f"depth picture: no plane within {config.floor.tilt_deg:g} degrees of level holds "
                 f"{config.floor.least_share:.0%} of its points; expected a floor below the camera"
             )
-        clusters = [c for c in find_clusters(cloud, floor, config.clusters) if not c.refusal(config.clusters)]
-        regions = find_regions(clusters, cloud, depth_m, floor, self._table, self._registration)
+        heights, above, labels = labels_above(cloud, floor, config.clusters)
+        taken, labels = self._taken(bodies, cloud, floor, (heights, above, labels), vehicle)
+        plan = Plan.of(floor.up)
+        known = [(measure(cloud, heights, claimed.rows, plan), claimed.body) for claimed in taken]
+        rest = [(c, None) for c in clusters_of(cloud, floor, heights, above, labels, config.clusters)]
+        clusters = [pair for pair in (*known, *rest) if not pair[0].refusal(config.clusters)]
+        regions = find_regions([c for c, _ in clusters], cloud, depth_m, floor, self._table, self._registration)
         return [
-            self._placed(region, cluster, cloud, vehicle)
-            for region, cluster in zip(regions, clusters, strict=True)
+            self._placed(region, cluster, cloud, floor, vehicle, body)
+            for region, (cluster, body) in zip(regions, clusters, strict=True)
             if region is not None
         ]
 
-    def _placed(self, region: Region, cluster: Cluster, cloud: Cloud, vehicle: VehiclePose | None) -> Sight:
+    def _taken(
+        self,
+        bodies: Sequence[Body],
+        cloud: Cloud,
+        floor: Floor,
+        labelled: tuple[Floats, Ints, Ints],
+        vehicle: VehiclePose | None,
+    ) -> tuple[list[Claimed], Ints]:
+        """Rows of the cloud that people known take, and the labels (M,) of the points above the floor without them."""
+        heights, above, labels = labelled
+        if vehicle is None or not bodies:
+            return [], labels
+        heights = heights[above]
+        points, areas = cloud.points_m[above], areas_m2(cloud, above)
+        height, camera = floor.camera_height_m, self._table.camera
+        found = claims(bodies, points, areas, height, camera, vehicle)
+        touched = [set(labels[claimed.rows].tolist()) - {-1} for claimed in found]
+        labels = labels.copy()
+        for claimed in found:
+            labels[claimed.rows] = -1
+        taken = []
+        for claimed, names in zip(found, touched, strict=True):
+            rows = [claimed.rows]
+            for name in names:
+                left = np.flatnonzero(labels == name).astype(np.int32)
+                if len(left):
+                    left = left[hang_on(points[left], heights[left], claimed.body, height, camera, vehicle)]
+                    rows.append(left)
+                    labels[left] = -1
+            taken.append(Claimed(claimed.body, above[np.concatenate(rows)]))
+        return taken, labels
+
+    def _placed(
+        self,
+        region: Region,
+        cluster: Cluster,
+        cloud: Cloud,
+        floor: Floor,
+        vehicle: VehiclePose | None,
+        body: Body | None,
+    ) -> Sight:
         if vehicle is None or region.camera_p_m is None:
             return Sight(region)
-        offset = quat_rotate(vehicle.ned_q_body, in_body(self._registration.colour, region.camera_p_m))
-        points = quat_rotate(vehicle.ned_q_body, in_body(self._table.camera, cloud.points_m[cluster.members]))
+        colour, members = self._registration.colour, cloud.points_m[cluster.members]
+        offset = quat_rotate(vehicle.ned_q_body, in_body(colour, region.camera_p_m))
+        points = quat_rotate(vehicle.ned_q_body, in_body(self._table.camera, members))
         distances = np.linalg.norm(points, axis=1)
         nearest = points[np.argsort(distances)[int(_NEAREST_PERCENT / 100.0 * len(distances))]]
-        return Sight(region, vehicle.ned_p_m + offset, self._covariance(offset), vehicle.ned_p_m + nearest)
+        return Sight(
+            region,
+            vehicle.ned_p_m + offset,
+            self._covariance(offset),
+            vehicle.ned_p_m + nearest,
+            self._registration.points(members),
+            cluster.area_m2,
+            floor.camera_height_m,
+            body,
+            None if body is None else body.pose_in(colour, vehicle),
+        )
 
     def _covariance(self, ned_offset_m: Array) -> Array:
         """(3, 3) of a place at an offset from the vehicle: a wrong attitude swings it about the vehicle."""

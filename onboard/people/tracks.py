@@ -126,6 +126,12 @@ class PeopleTracker:
         )
         return min(costs) * self.config.near_factor < self.config.gate
 
+    def recognises(self, track: Track, look: Look, pose: Pose, t_ns: int) -> bool:
+        """Whether somebody seen where a person was is that person by their look."""
+        gap_s = (t_ns - track.seen_ns) / 1e9
+        cost = match_cost(track.looks, track.pose, look, pose, gap_s, self.config)
+        return cost * self.config.near_factor < self.config.gate
+
     def dismiss(self, number: int) -> None:
         """Take a person for nobody from now on.
 

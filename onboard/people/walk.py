@@ -30,6 +30,11 @@ class Walks:
         while (t_ns - places[0][0]) / 1e9 > _SPAN_S:
             places.popleft()
 
+    def walked(self, number: int) -> bool:
+        """Whether a person walked when they were last seen."""
+        places = self._places.get(number)
+        return bool(places) and bool(self.ned_v_m_s(number, places[-1][0]).any())
+
     def keep(self, numbers: Iterable[int]) -> None:
         """Forget everybody else."""
         kept = set(numbers)

@@ -21,7 +21,9 @@ from onboard.people.pose import Pose
 from onboard.people.regions import Box
 from onboard.people.sights import Sight
 
-_NEW, _DOUBTED = 1e6, 1e9
+_NEW, _DOUBTED, _RECOGNISED = 1e6, 1e9, 4.0
+_PARTLY = 0.25
+"""What is new at the picture's edge can wait for what is new and whole."""
 _LYING_M, _LONG_M, _WIDE_M, _HEAD_M2 = 0.6, (1.1, 2.6), 0.25, 0.08
 """Height, lengths and least width of somebody who lies, m; largest head from above, m²."""
 _SAME_SHAPE = 0.1
@@ -65,17 +67,21 @@ class Spot:
     confirmed: bool = False
     """Whether that person is believed."""
 
-    @property
-    def up(self) -> Array | None:
-        """Direction from feet to head, px (2,), as far as it need not be looked for anew."""
+    def expected(self, t_ns: int) -> Pose | None:
+        """The pose to look for, as far as it need not be looked for anew."""
         anew = self.refusals or self.looks % _FULL_EVERY == 0
-        return None if self.pose is None or anew else self.pose.up
+        return None if anew else self.pose_now(t_ns)
 
     def found(self, pose: Pose, look: Look, t_ns: int) -> None:
         """A look found a person."""
         self._looked(t_ns)
         self.pose, self.look, self.posed, self.posed_ns = pose, look, self.sight, t_ns
         self.refusals, self.refusal = 0, ""
+
+    def recognised(self, pose: Pose, look: Look, number: int, t_ns: int) -> None:
+        """Somebody believed is where they were, with the colours that they had."""
+        self.pose, self.look, self.posed, self.posed_ns = pose, look, self.sight, t_ns - 1
+        self.number, self.confirmed = number, True
 
     def refused(self, reason: str, t_ns: int) -> None:
         """A look found none."""
@@ -92,9 +98,12 @@ class Spot:
         return all(abs(now[k] - before[k]) <= _SAME_SHAPE * before[k] for k in (2, 3))
 
     def pose_now(self, t_ns: int) -> Pose | None:
-        """The pose in the present picture: found there, or moved there with the box; None without any."""
+        """The pose in the present picture: found there, or seen there from where the body is in space, or, where that
+        is not known, moved there with the box; None without any."""
         if self.pose is None or self.posed is None or self.posed_ns == t_ns:
             return self.pose
+        if self.sight.pose is not None:
+            return self.sight.pose
         before, now = self.posed.region.box_px, self.sight.region.box_px
         scale = math.sqrt(now[2] * now[3] / (before[2] * before[3]))
         scale = min(max(scale, _LEAST_SCALE), _MOST_SCALE)
@@ -122,7 +131,7 @@ class Watch:
         """The spot of each sight of a picture, in their order; new ones for what was not there before."""
         limit_ns = round(self.config.forget_s * 1e9)
         self.spots = [spot for spot in self.spots if t_ns - spot.seen_ns <= limit_ns]
-        costs = np.array([[self._distance(spot.sight, sight) for sight in sights] for spot in self.spots])
+        costs = np.array([[self._distance(spot, sight) for sight in sights] for spot in self.spots])
         found: dict[int, Spot] = {}
         for row, column in assign(costs, 1.0):
             spot = self.spots[row]
@@ -149,8 +158,11 @@ class Watch:
             if spot.number == number:
                 spot.number = into
 
-    def _distance(self, a: Sight, b: Sight) -> float:
+    def _distance(self, spot: Spot, b: Sight) -> float:
         """0 for the same place, 1 where the same region cannot be."""
+        a = spot.sight
+        if b.body is not None and spot.number:
+            return 0.0 if spot.number == b.body.number else 1.0
         if a.ned_p_m is not None and b.ned_p_m is not None:
             return float(np.linalg.norm((a.ned_p_m - b.ned_p_m)[:2])) / self.config.same_m
         return (1.0 - iou(a.region.box_px, b.region.box_px)) / max(1.0 - self.config.same_iou, 1e-9)
@@ -158,7 +170,11 @@ class Watch:
     def _urgency(self, spot: Spot, t_ns: int) -> float:
         """1 and more: due."""
         likely = _likely(spot.sight)
+        if spot.looked is None and spot.pose is None:
+            return _NEW * (2.0 if likely else 1.0) * (_PARTLY if spot.sight.region.at_edge else 1.0)
         if spot.looked is None:
+            return _RECOGNISED
+        if spot.refusals and spot.looked.region.at_edge and not spot.sight.region.at_edge:
             return _NEW * (2.0 if likely else 1.0)
         age_s = (t_ns - spot.looked_ns) / 1e9
         if spot.number and not spot.confirmed and not spot.refusals:

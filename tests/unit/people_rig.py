@@ -74,7 +74,7 @@ class Knower:
         self.seconds += 0.02
         middle = crop[24:40, 24:40].reshape(-1, 3).astype(int)
         share = max(float((np.abs(middle - clothes).max(axis=1) < 30).mean()) for clothes in _CLOTHES)
-        joints = (STANDING - [0, 60]) * (0.8 / 1.3 * 64 / 120.0) + 31.5
+        joints = (STANDING - [0, 60]) * (0.9 / 1.3 * 64 / 120.0) + 31.5
         return joints, np.full(15, 0.9), 1.0 if share > 0.25 else 0.0
 
     def clock(self) -> float:

@@ -54,7 +54,7 @@ def test_a_body_is_found_at_any_angle(tmp_path: Path, angle_deg: float):
     np.testing.assert_allclose(pose.joints_px[NECK], 0.5 * (places[0] + places[1]), atol=2.5)
     assert pose.presence == 1.0 and pose.confidence.min() > 0.2
     # Known from before which way up it is, one look less finds the same.
-    again = finder.find(picture, region, up=pose.up)
+    again = finder.find(picture, region, expected=pose)
     np.testing.assert_allclose(again.joints_px, pose.joints_px, atol=2.5)
 
 

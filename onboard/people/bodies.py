@@ -1,0 +1,242 @@
+"""People in space: where the joints of somebody known must be in the next picture, and which points are theirs.
+
+Whoever is known takes their points before the rest is clustered. So what touches them, or touches them only now and
+then for the noise, changes neither their region nor their box, and pieces that noise has cut off are theirs, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.geometry.camera import Camera
+from common.geometry.rotation import Array, quat_conjugate, quat_rotate
+from onboard.people.depth import Floats, Ints
+from onboard.people.pose import STANDING_M, Pose
+
+BONES = np.array(
+    [
+        *((0, 1), (1, 2), (2, 3), (3, 4), (1, 5), (5, 6), (6, 7), (1, 14)),
+        *((14, 8), (8, 9), (9, 10), (14, 11), (11, 12), (12, 13)),
+    ]
+)
+"""Pairs of joints."""
+_REACH_M, _LOOSE_M = 0.20, 0.35
+"""How far from the bones a body ends, m: a hand beyond the wrist, a foot; and what hangs on it and ends within the
+larger one is the body's, too."""
+_SHIFTS = 4
+_MOST_SHIFT_M = 0.45
+_LEAST_SHARE = 0.5
+"""Share of the area that they had that people must still have where they are expected."""
+_JOINT_POINTS = 3
+_ARMS_SHARE = 0.55
+"""What touches somebody upright above this share of their height are their arms."""
+
+
+@dataclass(frozen=True)
+class VehiclePose:
+    """Where the vehicle was when the picture was taken."""
+
+    ned_p_m: Array
+    """(3,) position from home, NED, m."""
+    ned_q_body: Array
+    """(4,) attitude."""
+
+    def into_camera(self, camera: Camera, ned_points_m: Array) -> Array:
+        """Points (N, 3) from home, NED, m, in a camera's optical frame."""
+        body = quat_rotate(quat_conjugate(self.ned_q_body), ned_points_m - self.ned_p_m)
+        return quat_rotate(quat_conjugate(camera.body_q_camera), body - np.asarray(camera.body_p_camera_m))
+
+    def from_camera(self, camera: Camera, camera_points_m: Array) -> Array:
+        """The way back."""
+        body = quat_rotate(camera.body_q_camera, camera_points_m) + np.asarray(camera.body_p_camera_m)
+        return self.ned_p_m + quat_rotate(self.ned_q_body, body)
+
+
+@dataclass(frozen=True)
+class Body:
+    """Somebody known, in space."""
+
+    number: int
+    """Who."""
+    ned_joints_m: Array
+    """(15, 3) from home, NED, m."""
+    pose: Pose
+    """As it was found in a picture: how sure each joint is."""
+    area_m2: float
+    """Area across the rays of what was seen then, m²."""
+    top_m: float
+    """How high it reached above the floor, m."""
+    lean_m: Array
+    """(2,) mean way from the bones to the points of the body, across the rays at the floor's distance, m: not zero
+    where flesh is on one side of them."""
+
+    def pose_in(self, camera: Camera, vehicle: VehiclePose) -> Pose:
+        """The pose that a camera sees from elsewhere."""
+        points = vehicle.into_camera(camera, self.ned_joints_m)
+        points[:, 2] = np.maximum(points[:, 2], 0.1)
+        return Pose(camera.project(points), self.pose.confidence, self.pose.presence)
+
+
+@dataclass(frozen=True)
+class Claimed:
+    """Points that somebody known takes."""
+
+    body: Body
+    """Where they are now."""
+    rows: Ints
+    """(M,) which of the points."""
+
+
+def body_of(
+    number: int,
+    pose: Pose,
+    points_m: Array,
+    size: tuple[float, float],
+    height_m: float,
+    camera: Camera,
+    vehicle: VehiclePose,
+) -> Body:
+    """A body from a pose that was found in a picture.
+
+    Args:
+        number: who it is.
+        pose: in the picture.
+        points_m: (M, 3) of the region that it was found in, in the camera's optical frame, m, evenly spaced.
+        size: what they stand for across the rays, m², and how high they reach above the floor, m.
+        height_m: of the camera above the floor, m.
+        camera: that took the picture.
+        vehicle: where it was.
+    """
+    pixels = camera.project(points_m)
+    apart = np.linalg.norm(pose.joints_px[:, None] - pixels, axis=2)
+    nearest = np.argsort(apart, axis=1)[:, :_JOINT_POINTS]
+    depths = np.median(points_m[nearest, 2], axis=1)
+    joints = camera.rays(pose.joints_px) * depths[:, None]
+    places = _flat(points_m, height_m)
+    return Body(
+        number,
+        vehicle.from_camera(camera, joints),
+        pose,
+        *size,
+        _lean(places, _flat(joints, height_m), _reach(joints, height_m)),
+    )
+
+
+def claims(
+    bodies: Sequence[Body], points_m: Floats, areas_m2: Array, height_m: float, camera: Camera, vehicle: VehiclePose
+) -> list[Claimed]:
+    """Which points each of some bodies takes, with the body moved to where they are; bodies that are not where they are
+    expected are left out.
+
+    Args:
+        bodies: people known; earlier ones take first.
+        points_m: (N, 3) above the floor, in the optical frame, m.
+        areas_m2: (N,) what each stands for across the rays, m².
+        height_m: of the camera above the floor, m.
+        camera: the depth camera.
+        vehicle: where it is.
+    """
+    free, found = np.ones(len(points_m), bool), []
+    places = _flat(points_m, height_m)
+    for body in bodies:
+        joints = vehicle.into_camera(camera, body.ned_joints_m)
+        if joints[:, 2].min() < 0.3 or not _near(camera, joints):
+            continue
+        moved, rows = _fitted(body, joints, places, free, height_m, camera)
+        if not len(rows) or areas_m2[rows].sum() < _LEAST_SHARE * body.area_m2:
+            continue
+        free[rows] = False
+        shift = vehicle.from_camera(camera, moved) - vehicle.from_camera(camera, joints)
+        shift[:, 2] = 0.0
+        found.append(Claimed(replace(body, ned_joints_m=body.ned_joints_m + shift), rows))
+    return found
+
+
+def hang_on(
+    points_m: Floats, heights_m: Floats, body: Body, height_m: float, camera: Camera, vehicle: VehiclePose
+) -> NDArray[np.bool_]:
+    """Which of points (N, 3) that touch a body are part of it, too: all if all end near it; of somebody upright, who
+    may raise the arms between two looks, those that are high and those that are near.
+
+    Args:
+        points_m: (N, 3) in the optical frame, m.
+        heights_m: (N,) above the floor, m.
+        body: who.
+        height_m: of the camera above the floor, m.
+        camera: the depth camera.
+        vehicle: where it is.
+    """
+    joints = vehicle.into_camera(camera, body.ned_joints_m)
+    distances, _ = _from_bones(_flat(points_m, height_m), _flat(joints, height_m))
+    near = distances < _LOOSE_M * _reach(joints, height_m) / _REACH_M
+    if body.top_m > STANDING_M:
+        return near | (heights_m > _ARMS_SHARE * body.top_m)
+    return np.full(len(near), near.all())
+
+
+def _fitted(
+    body: Body, joints_m: Array, places: Array, free: Array, height_m: float, camera: Camera
+) -> tuple[Array, Ints]:
+    """Joints moved across the rays until the free points around them lie as they did, and the rows of these."""
+    flat, reach = _flat(joints_m, height_m), _reach(joints_m, height_m)
+    low, high = flat.min(axis=0) - reach - _MOST_SHIFT_M, flat.max(axis=0) + reach + _MOST_SHIFT_M
+    around = np.flatnonzero(free & (places > low).all(axis=1) & (places < high).all(axis=1))
+    total = np.zeros(2)
+    if _within(camera, joints_m):
+        for _ in range(_SHIFTS):
+            distances, ways = _from_bones(places[around], flat + total)
+            mine = distances < reach
+            if not mine.any():
+                break
+            total = total + ways[mine].mean(axis=0) - body.lean_m
+            if np.linalg.norm(total) > _MOST_SHIFT_M:
+                return joints_m, np.empty(0, np.int32)
+    distances, _ = _from_bones(places[around], flat + total)
+    moved = joints_m.copy()
+    moved[:, :2] += total * joints_m[:, 2:] / height_m
+    return moved, around[distances < reach].astype(np.int32)
+
+
+def _flat(points_m: NDArray[np.floating], height_m: float) -> Array:
+    """Places (N, 2) across the rays, m at the floor's distance."""
+    return points_m[:, :2] * (height_m / points_m[:, 2:])
+
+
+def _reach(joints_m: Array, height_m: float) -> float:
+    return _REACH_M * height_m / float(np.median(joints_m[:, 2]))
+
+
+def _lean(places: Array, joints: Array, reach: float) -> Array:
+    distances, ways = _from_bones(places, joints)
+    mine = distances < reach
+    return ways[mine].mean(axis=0) if mine.any() else np.zeros(2)
+
+
+def _from_bones(places: Array, joints: Array) -> tuple[Array, Array]:
+    """Distance (N,) of places (N, 2) from the nearest bone between joints (15, 2), and the way (N, 2) from it."""
+    begin, end = joints[BONES[:, 0]], joints[BONES[:, 1]]
+    along = end - begin
+    squared = np.maximum((along**2).sum(axis=1), 1e-9)
+    offsets = places[:, None] - begin
+    share = np.clip((offsets * along).sum(axis=2) / squared, 0.0, 1.0)
+    ways = offsets - share[..., None] * along
+    distances = np.linalg.norm(ways, axis=2)
+    nearest = np.argmin(distances, axis=1) if len(places) else np.empty(0, int)
+    rows = np.arange(len(places))
+    return distances[rows, nearest], ways[rows, nearest]
+
+
+def _near(camera: Camera, joints_m: Array) -> bool:
+    """Whether some of a body may be in the picture."""
+    pixels = camera.project(joints_m)
+    return bool(((pixels > 0) & (pixels < (camera.width, camera.height))).all(axis=1).any())
+
+
+def _within(camera: Camera, joints_m: Array) -> bool:
+    """Whether all of it is."""
+    pixels = camera.project(joints_m)
+    return bool(((pixels > 0) & (pixels < (camera.width, camera.height))).all())

@@ -1,0 +1,60 @@
+"""Where the bodies of people known are in space: what the next picture is searched for first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from common.geometry.camera import Camera
+from onboard.people.bodies import Body, VehiclePose, body_of
+from onboard.people.pose import Pose
+from onboard.people.sights import Sight
+from onboard.people.tracks import Track
+from onboard.people.walk import Walks
+
+_IN_SIGHT_S = 0.5
+"""Who was seen so lately is followed wherever they go."""
+
+
+class Memory:
+    """Bodies by the numbers of their people."""
+
+    def __init__(self) -> None:
+        self._bodies: dict[int, Body] = {}
+
+    def expected(self, tracks: Iterable[Track], walks: Walks, t_ns: int) -> list[Body]:
+        """Bodies of those who may be where they were: who are in sight, and who are away and did not walk. Whoever is
+        in none of the tracks is forgotten."""
+        known = {track.number: track for track in tracks}
+        self._bodies = {number: body for number, body in self._bodies.items() if number in known}
+
+        def stays(number: int) -> bool:
+            track = known[number]
+            in_sight = (t_ns - track.seen_ns) / 1e9 < _IN_SIGHT_S
+            return in_sight or (track.confirmed and not walks.walked(number))
+
+        return [body for number, body in self._bodies.items() if stays(number)]
+
+    def see(
+        self, number: int, sight: Sight, camera: Camera | None, vehicle: VehiclePose | None, pose: Pose | None
+    ) -> None:
+        """Note where somebody is in a picture.
+
+        Args:
+            number: who.
+            sight: their region.
+            camera: that took it.
+            vehicle: where it was then.
+            pose: that was found there; None without a new one. One that is cut off by the picture's edge is no body to
+                go by.
+        """
+        if sight.points_m is None or camera is None or vehicle is None:
+            return
+        if pose is not None and not sight.region.at_edge:
+            size = sight.area_m2, sight.region.height_m or 0.0
+            self._bodies[number] = body_of(number, pose, sight.points_m, size, sight.camera_height_m, camera, vehicle)
+        elif sight.body is not None and sight.body.number == number:
+            self._bodies[number] = sight.body
+
+    def forget(self, number: int) -> None:
+        """Somebody turned out to be somebody else."""
+        self._bodies.pop(number, None)
