@@ -102,6 +102,8 @@ class Sensor:
         self._places, self._velocities = np.full(shape, _FAR_M), np.zeros(shape)
         self._stamps_s = np.full(shape[:2], -_FAR_M)
         self._heard_s = np.zeros(shape[0])
+        self.shown = np.zeros(shape[:2], dtype=bool)
+        """Which obstacles a sample that arrived has shown, (N, 8)."""
 
     def look(self, tick: int, t_s: float, p_m: Array) -> None:
         """Take a sample at this tick, and deliver what is due."""
@@ -125,6 +127,7 @@ class Sensor:
             fresh = sample[2] & heard[:, None]
             self._places[fresh], self._velocities[fresh] = sample[0][fresh], sample[1][fresh]
             self._stamps_s[fresh] = taken_s
+            self.shown |= fresh
             self._heard_s[heard] = taken_s
 
     def obstacles(self, t_s: float, p_m: Array) -> tuple[Array, Array, Array]:
@@ -219,6 +222,9 @@ class Ends:
     oracle_m: Array
     """The same for the oracle that brakes from the instant at which that obstacle enters range and view, (N, 8), m.
     One that never does was not there for anybody: its nearest distance stands here."""
+    unshown_m: Array
+    """Least distance to each obstacle before any sample that arrived had shown it, (N, 8), m: one that comes in from the
+    side while the sensor has dropped out was not in view for anybody."""
     ghost_m: Array
     """Least distance of the flight without limiter to any obstacle, (N,), m."""
     progress: Array
@@ -234,7 +240,7 @@ def fly(scene: Scene, config: LimiterConfig, rng: np.random.Generator) -> Ends:
     vehicles = Vehicles(np.zeros((count, 3)), start, scene.drag_1_s)
     ghosts = Vehicles(np.zeros((count, 3)), start, scene.drag_1_s)
     oracles = Oracles(scene)
-    nearest = np.full((count, MOST), _FAR_M)
+    nearest, unshown = np.full((count, MOST), _FAR_M), np.full((count, MOST), _FAR_M)
     ghost_m, standing_s, stood_s = np.full(count, _FAR_M), np.zeros(count), np.zeros(count)
     sensor, braking = Sensor(scene, config, rng), np.zeros((count, 3))
     truth = scene.at(0.0)
@@ -247,12 +253,14 @@ def fly(scene: Scene, config: LimiterConfig, rng: np.random.Generator) -> Ends:
             vehicles.step(setpoint)
             ghosts.step(scene.asked)
         truth = scene.at(t_s + CONTROL_S)
-        nearest = np.minimum(nearest, _length(truth - vehicles.p[:, None]))
+        distance = _length(truth - vehicles.p[:, None])
+        nearest = np.minimum(nearest, distance)
+        unshown = np.where(sensor.shown, unshown, np.minimum(unshown, distance))
         ghost_m = np.minimum(ghost_m, _length(truth - ghosts.p[:, None]).min(axis=1))
         slow = (vehicles.v[:, 0] < 0.1 * scene.asked[:, 0]) & (t_s > 2.0)
         standing_s = np.where(slow, standing_s + CONTROL_S, 0.0)
         stood_s = np.maximum(stood_s, standing_s)
-    return Ends(nearest, oracles.nearest_m(nearest), ghost_m, vehicles.p[:, 0] / ghosts.p[:, 0], stood_s)
+    return Ends(nearest, oracles.nearest_m(nearest), unshown, ghost_m, vehicles.p[:, 0] / ghosts.p[:, 0], stood_s)
 
 
 def _limited(

@@ -38,7 +38,9 @@ PROPOSED, TTI, DPF = range(3)
     YIELD,
     CURVE_LEAD,
     CREEP,
-) = range(24)
+    BRAKES_WITHIN,
+    GIVEN_BACK,
+) = range(26)
 """Places of the law's numbers in the array that `fill_rows` takes; names as in `LimiterConfig`."""
 ASKED, INTENDED, FLOWN, BRAKING = range(4)
 """Places of the velocities of `constraints.Motion`."""
@@ -87,9 +89,16 @@ def _repulsion(h, v_i, law):  # type: ignore[no-untyped-def]
     return v_rep * (share * share * (3.0 - 2.0 * share))
 
 
+@njit(inline="always", error_model="numpy")
+def _braked(bound, excess, braking, law):  # type: ignore[no-untyped-def]
+    """A bound less what a vehicle that is faster is asked for to brake, as in `constraints.braking_bound`."""
+    less = law[LEAD] * excess + max(braking, 0.0) * min(excess / law[HELD_FROM], 1.0)
+    return max(bound - less, min(bound, -law[BRAKE]))
+
+
 @njit(error_model="numpy")
-def _curve(h, asked, intended, flown, closing, law):  # type: ignore[no-untyped-def]
-    """`constraints.curve`, from components towards the obstacle."""
+def _curve(h, asked, intended, flown, braking, closing, law):  # type: ignore[no-untyped-def]
+    """Bound and excess of `constraints.curve`, from components towards the obstacle."""
     wanted, nearing = max(asked, intended, 0.0), max(closing, 0.0)
     v_i = max(wanted, flown) + nearing
     read_m = max(h - law[CURVE_LEAD] * (max(flown, 0.0) + nearing), 0.0)
@@ -104,8 +113,15 @@ def _curve(h, asked, intended, flown, closing, law):  # type: ignore[no-untyped-
             reference = max(reference, min(_clipped(left, 0.0, law[CREEP]), wanted) - nearing, 0.0)
     beyond = _clipped((h - law[H_MAX]) / law[BAND], 0.0, 1.0)
     if beyond > 0.0:
-        return max(reference, beyond * _stoppable(h - law[H_MIN], law))
-    return reference
+        reference = max(reference, beyond * _stoppable(h - law[H_MIN], law))
+    if law[PUSH] > 0.0:
+        return reference, 0.0
+    near = _clipped((law[H_DESIRED] - read_m) / law[BRAKES_WITHIN], 0.0, 1.0)
+    excess = near * max(flown - max(reference, 0.0), 0.0)
+    braked = _braked(reference, excess, braking, law)
+    lost = _clipped((law[H_MIN] + law[MARGIN] - h) * law[GIVEN_BACK], 0.0, law[FULL_FROM])
+    lost *= min(wanted / law[FULL_FROM], 1.0)
+    return min(braked, -lost) if lost > 0.0 else braked, excess
 
 
 @njit(error_model="numpy")
@@ -131,8 +147,7 @@ def _hard(room, flown, braking, law):  # type: ignore[no-untyped-def]
     """Bound and excess of `constraints.braking_bound`, from components along the normal."""
     bound = _stoppable(room, law)
     excess = max(flown - bound, 0.0)
-    less = law[LEAD] * excess + max(braking, 0.0) * min(excess / law[HELD_FROM], 1.0)
-    return max(bound - less, min(bound, -law[BRAKE])), excess
+    return _braked(bound, excess, braking, law), excess
 
 
 # A given signature compiles when the module is imported (and is kept on disk), not when the first obstacle appears.
@@ -150,7 +165,7 @@ def fill_rows(distances, units, velocities, motions, law, normals, bounds, exces
         units: unit vectors towards the obstacles, (N, K, 3).
         velocities: of the obstacles, (N, K, 3), m/s.
         motions: of the vehicles, (N, 4, 3), m/s.
-        law: the law's numbers, (24,).
+        law: the law's numbers, (26,).
         normals: (N, 2 K, 3), written.
         bounds: (N, 2 K), m/s, written.
         excess: (N, 2 K), m/s, written.
@@ -162,10 +177,10 @@ def fill_rows(distances, units, velocities, motions, law, normals, bounds, exces
             h = distances[i, k]
             along = unit[k, 0] * v[k, 0] + unit[k, 1] * v[k, 1] + unit[k, 2] * v[k, 2]
             asked, intended = _dot(unit, k, motion[ASKED]), _dot(unit, k, motion[INTENDED])
-            flown = _dot(unit, k, motion[FLOWN])
+            flown, braking = _dot(unit, k, motion[FLOWN]), _dot(unit, k, motion[BRAKING])
             for axis in range(3):
                 normal[k, axis] = normal[count + k, axis] = unit[k, axis]
-            bounds[i, k], excess[i, k] = _curve(h, asked, intended, flown, -along, law), 0.0
+            bounds[i, k], excess[i, k] = _curve(h, asked, intended, flown, braking, -along, law)
             last, ahead = count + k, h
             speed2 = v[k, 0] * v[k, 0] + v[k, 1] * v[k, 1] + v[k, 2] * v[k, 2]
             t_s = _foreseen_s(h, along * h, speed2, law)

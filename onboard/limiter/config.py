@@ -70,8 +70,10 @@ class LimiterConfig(Section, frozen=True, kw_only=True):
     margin_m: NonNegative = 0.2
     """What measured distances may be too long by, and a stop longer than the formula, m; the braking bound keeps it
     beside `h_min_m`."""
-    foresight_s: NonNegative = 2.0
-    """How far ahead the path of a moving obstacle is kept free, s: about a stop from full speed."""
+    foresight_s: NonNegative = 4.0
+    """How far ahead the path of a moving obstacle is kept free, s: what it takes to give way across it by h_min at
+    `push_back_m_s`, and the vehicle's response. With less the vehicle, seeing only the near part of a slanting path,
+    gives way along it."""
     push_back_m_s: NonNegative = 0.5
     """Fastest retreat from what is nearer than `h_desired_m`, m/s; 0 for none."""
     push_back_gain_1_s: NonNegative = 1.0

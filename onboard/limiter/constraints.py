@@ -16,7 +16,9 @@ from onboard.limiter.law import FULL_FROM_M_S, repulsion, stoppable
 
 Array = np.ndarray
 _HELD_FROM_M_S = 0.1  # the summed excess acts in full from this excess on: no jump where it ends
+_BRAKES_WITHIN_M = 0.2  # below h_desired, without push-back, braking grows in within this distance
 _CREEP_M_S = 0.05  # what the curve leaves at least just beyond h_desired, where less than a decimetre is left
+_GIVEN_BACK_1_S = 1.0  # drift into the hard bound's margin is given back at this speed per metre
 _YIELD_M_S = 0.5  # an obstacle that comes nearer at this speed is given way to at the full push-back
 
 
@@ -51,8 +53,10 @@ def towards(normals: Array, v_m_s: Array) -> Array:
     return (normals @ v_m_s[..., None])[..., 0]
 
 
-def curve(distance_m: Array, normals: Array, ned_v_m_s: Array, motion: Motion, config: LimiterConfig) -> Array:
-    """Bounds of the comfortable curve (Al-Kaff 2019, eq. 19), m/s, (..., K).
+def curve(
+    distance_m: Array, normals: Array, ned_v_m_s: Array, motion: Motion, config: LimiterConfig
+) -> tuple[Array, Array]:
+    """Bounds of the comfortable curve (Al-Kaff 2019, eq. 19) and how much faster the vehicle is, m/s, (..., K) each.
 
     v_i is the larger of the asked and the flown speed towards the obstacle, and the obstacle's own approach beside it.
     Below h_desired the bound is negative (the paper's correction of an overshoot). About h_desired the curve of a slow
@@ -60,7 +64,8 @@ def curve(distance_m: Array, normals: Array, ned_v_m_s: Array, motion: Motion, c
     closed, and the retreat grows, with the gain of the push-back, both capped. The curve is read where the vehicle will
     be `curve_lead_s` later: flown late, it would be overshot. Nothing is pushed away that is not approached. What is
     not approached now must not become approached by what is taken away for another obstacle: its bound is zero, and
-    opens up beyond h_max within the blending band.
+    opens up beyond h_max within the blending band. Only without push-back is the vehicle ever called faster: see
+    `_kept_without_push_back`.
 
     Args:
         distance_m: (..., K), m.
@@ -86,7 +91,30 @@ def curve(distance_m: Array, normals: Array, ned_v_m_s: Array, motion: Motion, c
         reference = np.where(retreat > 0.0, np.minimum(reference, backing), np.maximum(reference, creep))
     beyond = np.clip((distance_m - config.h_max_m) / config.band_m, 0.0, 1.0)
     opened = np.maximum(reference, beyond * stoppable(distance_m - config.h_min_m, config))
-    return np.where(beyond > 0.0, opened, reference)
+    reference = np.where(beyond > 0.0, opened, reference)
+    if config.push_back_m_s > 0.0:
+        return reference, np.zeros(reference.shape)
+    held = towards(normals, motion.braking)
+    return _kept_without_push_back(reference, distance_m, h, asked, flown, held, config)
+
+
+def _kept_without_push_back(
+    reference: Array, distance_m: Array, read_m: Array, wanted: Array, flown: Array, held: Array, config: LimiterConfig
+) -> tuple[Array, Array]:
+    """What keeps the distance where no push-back is permitted: bounds and excess, m/s.
+
+    Below h_desired nothing returns what an overshoot takes, so what is flown beyond the curve there is braked, as
+    beyond the hard bound: asked for less than nothing while the vehicle still closes in, and no longer. A vehicle that
+    is pushed on at an obstacle then drifts with the error of its velocity estimate, without end: within the hard
+    bound's margin that is given back as slowly as it is lost, at `FULL_FROM_M_S` at most, and never faster than the
+    vehicle is asked to approach.
+    """
+    near = np.clip((config.h_desired_m - read_m) / _BRAKES_WITHIN_M, 0.0, 1.0)
+    excess = near * np.maximum(flown - np.maximum(reference, 0.0), 0.0)
+    braked = _braked(reference, excess, held, config)
+    lost_m = config.h_min_m + config.margin_m - distance_m
+    back = np.clip(lost_m * _GIVEN_BACK_1_S, 0.0, FULL_FROM_M_S) * np.minimum(wanted / FULL_FROM_M_S, 1.0)
+    return np.where(back > 0.0, np.minimum(braked, -back), braked), excess
 
 
 def nearest_ahead(distance_m: Array, normals: Array, ned_v_m_s: Array, config: LimiterConfig) -> tuple[Array, Array]:
@@ -132,10 +160,14 @@ def braking_bound(room_m: Array, normals: Array, motion: Motion, config: Limiter
     """
     bound = stoppable(room_m, config)
     excess = np.maximum(towards(normals, motion.flown) - bound, 0.0)
-    held = np.maximum(towards(normals, motion.braking), 0.0)
-    less = config.brake_lead * excess + held * np.minimum(excess / _HELD_FROM_M_S, 1.0)
-    firm = np.ones(bound.shape, dtype=bool)
-    return Bounds(normals, np.maximum(bound - less, np.minimum(bound, -config.brake_m_s)), excess, firm)
+    braked = _braked(bound, excess, towards(normals, motion.braking), config)
+    return Bounds(normals, braked, excess, np.ones(bound.shape, dtype=bool))
+
+
+def _braked(bound_m_s: Array, excess_m_s: Array, held_m_s: Array, config: LimiterConfig) -> Array:
+    """Bounds less what a vehicle that is faster by an excess is asked for to brake, m/s."""
+    less = config.brake_lead * excess_m_s + np.maximum(held_m_s, 0.0) * np.minimum(excess_m_s / _HELD_FROM_M_S, 1.0)
+    return np.maximum(bound_m_s - less, np.minimum(bound_m_s, -config.brake_m_s))
 
 
 def obstacle_bound(
@@ -216,6 +248,8 @@ def _numbers(config: LimiterConfig) -> Array:
         compiled.YIELD: _YIELD_M_S,
         compiled.CURVE_LEAD: config.curve_lead_s,
         compiled.CREEP: _CREEP_M_S,
+        compiled.BRAKES_WITHIN: _BRAKES_WITHIN_M,
+        compiled.GIVEN_BACK: _GIVEN_BACK_1_S,
     }
     return np.array([numbers[place] for place in range(len(numbers))], dtype=float)
 
@@ -230,12 +264,12 @@ def plain_rows(distance_m: Array, normals: Array, ned_v_m_s: Array, motion: Moti
         motion: of the vehicle.
         config: the law.
     """
-    comfortable = curve(distance_m, normals, ned_v_m_s, motion, config)
+    comfortable, excess = curve(distance_m, normals, ned_v_m_s, motion, config)
     hard = obstacle_bound(distance_m, normals, ned_v_m_s, motion, config)
     return Bounds(
         np.concatenate([normals, hard.normals], axis=-2),
         np.concatenate([comfortable, hard.bounds_m_s], axis=-1),
-        np.concatenate([np.zeros_like(comfortable), hard.excess_m_s], axis=-1),
+        np.concatenate([excess, hard.excess_m_s], axis=-1),
         np.concatenate([~hard.firm, hard.firm], axis=-1),
     )
 

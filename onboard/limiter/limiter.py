@@ -112,7 +112,7 @@ def limit(
     speed = math.sqrt(float(v @ v))
     if blind := speed > fastest:
         v = v * (fastest / speed)
-    why, culprit = _reason(motion.asked, v, rows, kinds, blind)
+    why, culprit = _reason(motion.asked, v, rows, kinds, blind, config)
     nearest = int(around.distance_m.argmin()) if count else -1
     distance_m = float(around.distance_m[nearest]) if count else -1.0
     return Limited(
@@ -197,7 +197,9 @@ def _rows(
     return rows, kinds
 
 
-def _reason(asked: Array, v: Array, rows: Bounds, kinds: tuple[Why, ...], blind: bool) -> tuple[Why, int]:
+def _reason(
+    asked: Array, v: Array, rows: Bounds, kinds: tuple[Why, ...], blind: bool, config: LimiterConfig
+) -> tuple[Why, int]:
     """What took the most away, and the index of its row within its kind; -1 without one."""
     if not len(rows.bounds_m_s):
         return ("blind", -1) if blind else ("clear", -1)
@@ -210,7 +212,8 @@ def _reason(asked: Array, v: Array, rows: Bounds, kinds: tuple[Why, ...], blind:
         return kinds[2 + worst - edges_from], -1
     count = edges_from // 2
     if rows.bounds_m_s[worst] < 0.0 and rows.normals[worst] @ v < -_CHANGED_M_S and not rows.excess_m_s[worst] > 0.0:
-        return "push-back", worst
+        # Without push-back only what drift took is given back, within the hard bound's margin.
+        return ("push-back" if config.push_back_m_s > 0.0 else "bound"), worst
     return kinds[worst // count], worst
 
 
