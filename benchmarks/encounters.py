@@ -223,8 +223,8 @@ class Ends:
     """The same for the oracle that brakes from the instant at which that obstacle enters range and view, (N, 8), m.
     One that never does was not there for anybody: its nearest distance stands here."""
     unshown_m: Array
-    """Least distance to each obstacle before any sample that arrived had shown it, (N, 8), m: one that comes in from the
-    side while the sensor has dropped out was not in view for anybody."""
+    """Least distance to each obstacle before any sample that arrived had shown it, (N, 8), m: one that comes in from
+    the side while the sensor has dropped out was not in view for anybody."""
     ghost_m: Array
     """Least distance of the flight without limiter to any obstacle, (N,), m."""
     progress: Array

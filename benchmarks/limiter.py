@@ -41,10 +41,11 @@ _UNBOUND = {
 _COMPARED = {
     "printed_law": _UNBOUND | {"push_back_m_s": 0.0, "push_back_gain_1_s": 0.0},
     "printed_law_with_retreat": _UNBOUND | {"push_back_m_s": 5.0},
-    "no_push_back": {"push_back_m_s": 0.0},
 }
-"""The law alone, without retreat; the same with the print's retreat, whose slope at h_desired is 1 per second at
-2.1 m/s, as the push-back's gain is; and the limiter with its push-back switched off. 0: it reached the wall."""
+"""The law alone, without retreat; and the same with the print's retreat, whose slope at h_desired is 1 per second at
+2.1 m/s, as the push-back's gain is. 0: it reached the wall."""
+_FIRM = "no_push_back"
+"""The limiter with its push-back switched off."""
 
 
 def configured(experiment: int, strategy: str, **changes: object) -> LimiterConfig:
@@ -56,12 +57,16 @@ def configured(experiment: int, strategy: str, **changes: object) -> LimiterConf
 def run(settings: Settings) -> Outcome:
     """Fly all runs. They are the same with `--quick`: all of them take less than a minute."""
     flights: dict[str, Flight] = {}
+    nearest_m: dict[str, float] = {}
     for prefix, drag in (("", 0.1), ("ideal_", None), ("drag_", 1.0)):
         vehicle = Ideal() if drag is None else Simulated(drag, settings.seed)
         for experiment in SPEEDS_M_S:
             for strategy in STRATEGIES:
                 config = configured(experiment, strategy)
                 flights[f"{prefix}exp{experiment}_{strategy}"] = _fly(vehicle, config, experiment, drag, settings.seed)
+            firm = configured(experiment, "proposed", push_back_m_s=0.0)
+            flown = _fly(vehicle, firm, experiment, drag, settings.seed)
+            nearest_m[f"{prefix}exp{experiment}_{_FIRM}_min_m"] = float(flown.distance_m.min())
     compared = {
         name: _fly(Simulated(1.0, settings.seed), configured(3, "proposed", **changes), 3, 1.0, settings.seed)
         for name, changes in _COMPARED.items()
@@ -69,6 +74,7 @@ def run(settings: Settings) -> Outcome:
     results = {
         f"{name}_{figure}": value for name, flight in flights.items() for figure, value in figures(flight).items()
     }
+    results |= nearest_m
     results |= {f"drag_exp3_{name}_min_m": max(flight.distance_m.min(), 0.0) for name, flight in compared.items()}
     paper = {
         f"{prefix}exp{experiment}_{strategy}_stop_m": 1.0 if (experiment, strategy) == (2, "dpf") else 1.5

@@ -82,8 +82,8 @@ def chunk(seed: int, index: int, count: int) -> tuple[Counts, np.ndarray, Counts
 def _flown(config: LimiterConfig, rng: np.random.Generator, count: int) -> tuple[Counts, np.ndarray]:
     scene = draw(rng, count)
     ends = fly(scene, config, rng)
-    # Breach: nearer than h_min. Infeasible: the oracle that braked fully, knowing the truth, came nearer as well; or the
-    # sensor, dropped out, showed it to nobody before.
+    # Breach: nearer than h_min. Infeasible: the oracle that braked fully, knowing the truth, came nearer as well; or
+    # the sensor, dropped out, showed it to nobody before.
     breach, unshown = ends.nearest_m < config.h_min_m, ends.unshown_m < config.h_min_m
     missed = breach & (ends.oracle_m >= config.h_min_m)
     infeasible = (ends.oracle_m < config.h_min_m) | unshown

@@ -9,6 +9,10 @@ from onboard.helm.config import ContainmentConfig
 
 _HEIGHT_GAIN_1_S = 1.0
 _ALONG_FRACTION = 0.25
+_LEAN_S = 0.25
+"""Time that the vehicle takes to lean as it is asked, s."""
+_LEARN_S = 0.5
+"""Time over which what holds it back is learnt, and forgotten, s."""
 
 
 def contain(ned_v_m_s: Vec3, ned_p_m: Vec3, config: ContainmentConfig) -> Vec3:
@@ -49,6 +53,44 @@ def _fence(north: float, east: float, p_north: float, p_east: float, config: Con
     # Along a curved fence a vehicle that lags behind its setpoint drifts outwards: slow down in the innermost part.
     along = min(room_m / (_ALONG_FRACTION * config.fence_band_m), 1.0)
     return radial * n + (north - outward * n) * along, radial * e + (east - outward * e) * along
+
+
+class Resistance:
+    """What drag and wind take of the accelerations that are asked for.
+
+    A vehicle that leans against the wind to hold its speed does not gain any: what is asked for, as it is flown, less
+    what is gained, both over half a second, is what holds it back.
+    """
+
+    def __init__(self) -> None:
+        self._ned_a_m_s2 = (0.0, 0.0)
+        self._flown_m_s2 = (0.0, 0.0)
+        self._last_v_m_s: tuple[float, float] | None = None
+
+    def reset(self) -> None:
+        """Forget everything: no accelerations are asked for."""
+        self.__init__()
+
+    def learn(self, ned_v_m_s: Vec3, asked_m_s2: tuple[float, float], dt_s: float) -> None:
+        """Take the newest velocity, NED, m/s, and what was asked for since the last one, m/s²."""
+        now = (ned_v_m_s[0], ned_v_m_s[1])
+        if self._last_v_m_s is not None and dt_s > 0.0:
+            lean, learn = min(dt_s / _LEAN_S, 1.0), min(dt_s / _LEARN_S, 1.0)
+            n, e = (f + lean * (a - f) for f, a in zip(self._flown_m_s2, asked_m_s2, strict=True))
+            self._flown_m_s2 = (n, e)
+            gained = [(v - last) / dt_s for v, last in zip(now, self._last_v_m_s, strict=True)]
+            n, e = (r + learn * (f - g - r) for r, f, g in zip(self._ned_a_m_s2, self._flown_m_s2, gained, strict=True))
+            self._ned_a_m_s2 = (n, e)
+        self._last_v_m_s = now
+
+    def against(self, ned_a_m_s2: tuple[float, float]) -> tuple[float, float]:
+        """The part of an acceleration that only holds the speed, m/s²: along it, and never more than it."""
+        size2 = ned_a_m_s2[0] ** 2 + ned_a_m_s2[1] ** 2
+        if size2 == 0.0:
+            return (0.0, 0.0)
+        along = sum(r * a for r, a in zip(self._ned_a_m_s2, ned_a_m_s2, strict=True)) / size2
+        share = min(max(along, 0.0), 1.0)
+        return (share * ned_a_m_s2[0], share * ned_a_m_s2[1])
 
 
 def slew(ned_v_m_s: Vec3, last_ned_v_m_s: Vec3, rate_m_s2: float, dt_s: float) -> Vec3:

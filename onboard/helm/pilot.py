@@ -14,7 +14,7 @@ from common.geometry.rotation import wrap_angle
 from common.messages import Setpoint, Vec3
 from onboard.helm.arbiter import Verdict
 from onboard.helm.config import HelmConfig
-from onboard.helm.containment import contain, slew
+from onboard.helm.containment import Resistance, contain, slew
 from onboard.helm.setpoint import AccelerationSetpoint, LocalSetpoint, hover_velocity
 from onboard.helm.telemetry import Telemetry
 from onboard.limiter.config import LimiterConfig
@@ -65,6 +65,8 @@ class Pilot:
         self._last_v = _STANDSTILL
         self._last_ns = 0
         self._braking = _STANDSTILL
+        self._resistance = Resistance()
+        self._asked_m_s2: tuple[float, float] | None = None
 
     def reset(self, telemetry: Telemetry, t_ns: int, height_m: float | None = None) -> None:
         """Start from where the vehicle is: its height (or the one given, m above home), heading and velocity."""
@@ -98,14 +100,17 @@ class Pilot:
             self.reset(telemetry, t_ns)
         dt_s = min(max((t_ns - self._last_ns) / 1e9, 0.0), _STEP_MAX_S)
         self._last_ns = t_ns
-        bounds = self._config.containment
+        bounds, held = self._config.containment, (0.0, 0.0)
         if verdict.ned_a_m_s2 is None:
+            self._asked_m_s2 = None
             intended, rate = self._wanted(verdict, ned_p_m, position.ned_v_m_s, t_ns)
             intended = contain(intended, ned_p_m, bounds)
             wanted = slew(intended, self._last_v, rate, dt_s)
         else:
             intended = wanted = self._led_to(verdict.ned_a_m_s2, verdict.ned_v_m_s[2], position.ned_v_m_s)
-        limited = self._limit(contain(wanted, ned_p_m, bounds), intended, telemetry, around, dt_s)
+            held = self._held_back((wanted[0], wanted[1]), position.ned_v_m_s, dt_s)
+        north, east, down = contain((wanted[0] - held[0], wanted[1] - held[1], wanted[2]), ned_p_m, bounds)
+        limited = self._limit((north + held[0], east + held[1], down), intended, telemetry, around, dt_s)
         # Only what was asked of the climb goes on from here: the way to the held height, or over what is in the way, is
         # no request to climb. Taken for one it would move the held height, and the vehicle would rise for ever.
         north, east, down = self._last_v
@@ -116,12 +121,13 @@ class Pilot:
         local = LocalSetpoint(north, east, home_z - self._sent_height_m, down, yaw_rate)
         acceleration = None
         if verdict.ned_a_m_s2 is not None:
-            acceleration = self._acceleration_to(limited.ned_v_m_s, position.ned_v_m_s)
+            acceleration = self._asked_m_s2 = self._acceleration_to(limited.ned_v_m_s, position.ned_v_m_s)
+            north, east, _ = contain((north, east, 0.0), ned_p_m, bounds)
             local = AccelerationSetpoint(north, east, home_z - self._sent_height_m, down, yaw_rate, *acceleration)
         message = Setpoint(
             source=verdict.source,
             asked_ned_v_m_s=verdict.ned_v_m_s if verdict.ned_a_m_s2 is None else wanted,
-            ned_v_m_s=limited.ned_v_m_s,
+            ned_v_m_s=(north, east, down),
             height_m=self._sent_height_m,
             yaw_rad=self._yaw_rad,
             ned_a_m_s2=acceleration,
@@ -139,13 +145,25 @@ class Pilot:
     def _led_to(self, ned_a_m_s2: tuple[float, float], down_m_s: float, ned_vehicle_v_m_s: Vec3) -> Vec3:
         """Velocity that an acceleration, cut to its maximum, leads to within the braking horizon; NED, m/s.
 
-        This is what containment and limiter judge: whatever follows, the vehicle can still be stopped from it.
+        This is what the limiter judges, whatever wind and drag take of it: the vehicle can still be stopped from it.
         """
         self._anchor_m, self._hover_since_ns = None, None
         size, most = math.hypot(*ned_a_m_s2), self._config.containment.tilt_m_s2
         share = min(1.0, most / size) * self._horizon_s if size > 0.0 else 0.0
         north, east, _ = ned_vehicle_v_m_s
         return (north + share * ned_a_m_s2[0], east + share * ned_a_m_s2[1], down_m_s)
+
+    def _held_back(self, led_to_m_s: tuple[float, float], ned_vehicle_v_m_s: Vec3, dt_s: float) -> tuple[float, float]:
+        """What drag and wind take, within the horizon, of a velocity that an acceleration would lead to, m/s.
+
+        Containment judges the rest: an acceleration that only holds the speed against the wind does not lead beyond it.
+        """
+        if self._asked_m_s2 is None:
+            self._resistance.reset()
+        self._resistance.learn(ned_vehicle_v_m_s, self._asked_m_s2 or (0.0, 0.0), dt_s)
+        change = [(a - b) / self._horizon_s for a, b in zip(led_to_m_s, ned_vehicle_v_m_s[:2], strict=True)]
+        north, east = self._resistance.against((change[0], change[1]))
+        return (north * self._horizon_s, east * self._horizon_s)
 
     def _acceleration_to(self, ned_v_m_s: Vec3, ned_vehicle_v_m_s: Vec3) -> tuple[float, float]:
         """Acceleration, north and east, m/s², that reaches a velocity within the horizon: braking may be harder."""
