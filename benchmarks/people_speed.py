@@ -1,7 +1,7 @@
 """How long the stages of the search for people take; floor and clusters beside Open3D on the same clouds.
 
 Everything runs on one core. Open3D gets the points, the band and the radius that ours used, as many hypotheses, and its
-own containers filled before the clock starts; ours is timed from the same points to the plane and the labels.
+own containers filled before the clock starts; ours is timed from the same points to the plane and the labels. Then the whole node (`people_node_speed`).
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import cv2
 import numpy as np
 
 from benchmarks.base import Benchmark, Outcome, Settings
+from benchmarks.people_node_speed import measure
 from benchmarks.people_scene import KINECT_2, crowd
 from onboard.people.clusters import find_clusters, labels_above, spread
 from onboard.people.compiled import dbscan
@@ -79,7 +80,8 @@ def run(settings: Settings) -> Outcome:
             kept = (sampled, full) if index else (Times(), Times())  # the first one warms up
             for strided, times in zip((True, False), kept, strict=True):
                 _frame(depth_m, strided, times, rival, settings.seed + index)
-    return _outcome(sampled, full, rival)
+        whole = measure(settings.seed, settings.quick)
+    return _outcome(sampled, full, whole, rival)
 
 
 def _open3d() -> Any:
@@ -173,8 +175,8 @@ def _agreement(ours: Ints, theirs: Ints) -> list[float]:
     return found
 
 
-def _outcome(sampled: Times, full: Times, rival: Any) -> Outcome:
-    results: dict[str, float] = {}
+def _outcome(sampled: Times, full: Times, whole: dict[str, float], rival: Any) -> Outcome:
+    results = dict(whole)
     for name, times in (("", sampled), ("full_", full)):
         ours = times.per_frame("floor", "clusters")
         results |= {

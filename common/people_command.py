@@ -16,7 +16,8 @@ def add(sub: argparse._SubParsersAction) -> argparse.ArgumentParser:
         description="Find people in a folder of RGB-D pictures in TUM's layout (rgb.txt, depth.txt), or without depth "
         "in a video file or image folder, where a person detector says where to look (--set people.detector.file=F "
         "--set people.detector.decoder=yolo). Writes the MOTChallenge's CSV: frame (from 1), number, left, top, width, "
-        "height, confidence, and x, y, z in the camera's optical frame, m (-1 without depth).",
+        "height, confidence, and x, y, z, m (-1 without depth): in the camera's optical frame, or in the world of the "
+        "folder's groundtruth.txt.",
     )
     people.add_argument("source", metavar="SOURCE", help="folder with rgb.txt, video file, or image folder")
     people.add_argument("--out", metavar="FILE.csv", help="where to write the CSV (default: standard output)")

@@ -22,7 +22,7 @@ def draw(picture: Picture, people: Sequence[Found], note: str = "") -> Picture:
     shown = picture.copy()
     for found in people:
         colour = _COLOURS[found.number % len(_COLOURS)]
-        x, y, width, height = found.sight.region.box_px
+        x, y, width, height = found.box_px
         cv2.rectangle(shown, (x, y), (x + width, y + height), colour, 2)
         joints = np.round(found.pose.joints_px).astype(int)
         for start, end in BONES:

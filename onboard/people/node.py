@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import cv2
 import numpy as np
@@ -52,6 +52,7 @@ class PeopleNode(Node):
         config: sections `people` and `camera`.
         name: node name.
         network: finds joints; by default the one that `people.pose_model` names.
+        clock: seconds, for the poses' budget and the stages' times.
 
     Raises:
         ConfigError: the vehicle has no such camera, or a network's file is missing or wrong.
@@ -62,7 +63,13 @@ class PeopleNode(Node):
     commands = ORDERS
     trigger = On(inputs[:-1], at_least_every_s=_STEP_S)
 
-    def __init__(self, config: Config, name: str, network: PoseNetwork | None = None):
+    def __init__(
+        self,
+        config: Config,
+        name: str,
+        network: PoseNetwork | None = None,
+        clock: Callable[[], float] = time.perf_counter,
+    ):
         super().__init__(config, name)
         cv2.setNumThreads(1)
         self._config = config.section(PeopleConfig)
@@ -85,7 +92,7 @@ class PeopleNode(Node):
         detector = None if self._config.detector is None else PersonDetector(self._config.detector)
         depth = None if self._depth is None else self._depth.camera
         network = network or pose_network(self._config.pose_model)
-        self._pipeline = PeoplePipeline(self._config, self._colour, depth, network, detector, time.perf_counter)
+        self._pipeline = PeoplePipeline(self._config, self._colour, depth, network, detector, clock)
         self._sizes = (
             (self._colour.width, self._colour.height),
             None if depth is None else (depth.width, depth.height),
@@ -100,6 +107,11 @@ class PeopleNode(Node):
         self._roll_ns = self._picture_ns = 0
         self._counts: Counter[str] = Counter()
         self._stage_ms: dict[str, float] = {}
+
+    @property
+    def findings(self) -> Findings:
+        """What the newest picture showed."""
+        return self._findings
 
     def step(self, inputs: Inputs, t_ns: int) -> Iterable[Output]:
         """What the newest pair of pictures shows; the roll and pictures of people now and then."""
@@ -243,7 +255,7 @@ def detection(found: Found, with_depth: bool) -> PersonDetection:
     sight, region = found.sight, found.sight.region
     joints = np.column_stack((found.pose.joints_px, found.pose.confidence)).tolist()
     size = (region.length_m, region.width_m, region.height_m)
-    x, y, width, height = region.box_px
+    x, y, width, height = found.box_px
     return PersonDetection(
         number=found.number,
         box_px=(float(x), float(y), float(width), float(height)),

@@ -16,14 +16,16 @@ import numpy as np
 
 from common.config import Config, ConfigError
 from common.geometry.camera import Camera
+from common.geometry.rotation import as_vec3
 from common.video import FileSource
 from onboard.people.caviar import Box, Boxes, read
 from onboard.people.detector import PersonDetector
 from onboard.people.drawing import draw
 from onboard.people.pipeline import Findings, Found, Frame, PeoplePipeline
 from onboard.people.pipeline_config import PeopleConfig
-from onboard.people.pose import PoseNetwork
+from onboard.people.pose import Picture, PoseNetwork
 from onboard.people.pose_file import pose_network
+from onboard.people.trajectory import ned_of
 from onboard.people.tum import Recorded, TumSequence, is_tum
 from onboard.people.watch import iou
 
@@ -45,12 +47,13 @@ class Row:
     """Left, top, width, height, px."""
     confidence: float
     """Mean of the joints', 0 to 1."""
-    camera_p_m: tuple[float, float, float] | None
-    """Place in the camera's optical frame, m; None without depth."""
+    p_m: tuple[float, float, float] | None
+    """Place, m: in the recording's world where it says where the camera was, else in the camera's optical frame; None
+    without depth, or where the camera's pose is missing."""
 
     def cells(self) -> list[str]:
         """Texts of the columns; pictures count from 1 in this format."""
-        place = ["-1", "-1", "-1"] if self.camera_p_m is None else [f"{c:.3f}" for c in self.camera_p_m]
+        place = ["-1", "-1", "-1"] if self.p_m is None else [f"{c:.3f}" for c in self.p_m]
         return [
             str(self.frame + 1),
             str(self.number),
@@ -63,7 +66,7 @@ class Row:
 class _Video:
     """A video or image folder: pictures without depth."""
 
-    with_depth = False
+    with_depth = in_world = False
 
     def __init__(self, source: str, rate_hz: float | None):
         self._file = FileSource(source, loop=False, option="people")
@@ -109,9 +112,9 @@ def run(
             if recorded.colour is None:
                 broken += 1
                 continue
-            findings = pipeline.look(Frame(recorded.colour, recorded.t_ns, recorded.depth_m, recorded.depth_ns))
+            findings = pipeline.look(_frame(recorded, recorded.colour))
             reasons[findings.reason] = reasons.get(findings.reason, 0) + 1
-            rows += [_row(recorded.number, found) for found in findings.people]
+            rows += [_row(recorded.number, found, source.in_world) for found in findings.people]
             if film is not None:
                 film.write(draw(recorded.colour, findings.people, _note(findings)))
             _progress(pictures, source.count)
@@ -122,6 +125,8 @@ def run(
         with sink:
             _write(sink, rows)
     people = len({row.number for row in rows})
+    if source.in_world:
+        print("x, y, z: in the world of the recording's groundtruth.txt, m", file=sys.stderr)
     print(
         f"{pictures} pictures: {people} people in {len(rows)} boxes" + (f"; {broken} not decodable" if broken else ""),
         file=sys.stderr,
@@ -154,11 +159,19 @@ def _pipeline(
     return PeoplePipeline(config, camera, camera if source.with_depth else None, network, detector)
 
 
-def _row(number: int, found: Found) -> Row:
-    region = found.sight.region
-    x, y, width, height = region.box_px
+def _frame(recorded: Recorded, colour: Picture) -> Frame:
+    vehicle = None if recorded.camera is None else recorded.camera.vehicle(_UPRIGHT)
+    return Frame(colour, recorded.t_ns, recorded.depth_m, recorded.depth_ns, vehicle)
+
+
+def _row(number: int, found: Found, in_world: bool) -> Row:
+    sight = found.sight
+    x, y, width, height = found.box_px
+    place = sight.region.camera_p_m
+    if in_world:
+        place = None if sight.ned_p_m is None else as_vec3(ned_of(sight.ned_p_m))
     box = (float(x), float(y), float(width), float(height))
-    return Row(number, found.number, box, float(found.pose.confidence.mean()), region.camera_p_m)
+    return Row(number, found.number, box, float(found.pose.confidence.mean()), place)
 
 
 def _believed(rows: Sequence[Row], pipeline: PeoplePipeline) -> list[Row]:

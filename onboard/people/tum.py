@@ -1,4 +1,5 @@
-"""RGB-D pictures in the layout of TUM's benchmark: `rgb.txt` and `depth.txt` with times and files.
+"""RGB-D pictures in the layout of TUM's benchmark: `rgb.txt` and `depth.txt` with times and files, and where there is
+one `groundtruth.txt` with the camera's poses.
 
 Sturm et al. 2012, A Benchmark for the Evaluation of RGB-D SLAM Systems; depth is 16-bit PNG, 5000 units to the metre.
 """
@@ -15,8 +16,10 @@ import cv2
 import numpy as np
 
 from common.config import ConfigError
+from common.geometry.rotation import Array
 from onboard.people.depth import Floats
 from onboard.people.pose import Picture
+from onboard.people.trajectory import TRUTH, CameraPose, Trajectory
 
 COLOURS, DEPTHS, PAIRS = "rgb.txt", "depth.txt", "associations.txt"
 
@@ -35,6 +38,8 @@ class Recorded:
     """(H, W), m, 0 where nothing returned; None without."""
     depth_ns: int | None = None
     """When that was taken, ns."""
+    camera: CameraPose | None = None
+    """Where the camera was; None where that is not known."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +54,8 @@ class TumSequence:
     """Reads such a folder in the order of its times.
 
     Args:
-        folder: with `rgb.txt`; `depth.txt` beside it, or `associations.txt` with both.
+        folder: with `rgb.txt`; `depth.txt` beside it, or `associations.txt` with both; `groundtruth.txt` where there is
+            one.
         depth_scale: depth units in a metre.
 
     Raises:
@@ -76,6 +82,11 @@ class TumSequence:
         """Number of pictures."""
         self.with_depth = any(entry.depth is not None for entry in self._entries)
         """Whether any picture has depth."""
+        truth = self._folder / TRUTH
+        self.trajectory = Trajectory(_poses(truth), str(truth)) if truth.is_file() else None
+        """Where the camera was; None where the folder does not say."""
+        self.in_world = self.trajectory is not None
+        """Whether places can be given in a world's frame."""
 
     def frames(self) -> Iterator[Recorded]:
         """Every picture with the depth nearest in time."""
@@ -85,7 +96,8 @@ class TumSequence:
             depth = None if entry.depth is None else self._depth(entry.depth)
             depth_ns = None if entry.depth_s is None else round((entry.depth_s - start_s) * 1e9)
             pixels = None if colour is None else np.asarray(colour, np.uint8)
-            yield Recorded(number, round((entry.t_s - start_s) * 1e9), pixels, depth, depth_ns)
+            camera = None if self.trajectory is None else self.trajectory.at(entry.t_s)
+            yield Recorded(number, round((entry.t_s - start_s) * 1e9), pixels, depth, depth_ns, camera)
 
     def _depth(self, path: Path) -> Floats:
         raw = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
@@ -124,23 +136,42 @@ def _nearest(t_s: float, depths: list[tuple[float, Path]]) -> tuple[float | None
 
 def _rows(path: Path, columns: int) -> list[list[str]]:
     """Words of each line that is no comment, the first of which (and the third) are times, s."""
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"people: {path} cannot be read ({error})") from None
     rows = []
-    for number, line in enumerate(lines, 1):
-        words = line.split()
-        if not words or words[0].startswith("#"):
-            continue
-        if len(words) != columns or not all(_is_time(word) for word in words[::2]):
+    for number, words in _lines(path):
+        if len(words) != columns or not all(_is_number(word) for word in words[::2]):
             expected = "time file" if columns == 2 else "time file time file"
-            raise ConfigError(f"people: {path}, line {number}: got {line.strip()!r}, expected `{expected}`")
+            raise ConfigError(f"people: {path}, line {number}: got {' '.join(words)!r}, expected `{expected}`")
         rows.append(words)
     return rows
 
 
-def _is_time(word: str) -> bool:
+def _poses(path: Path) -> Array:
+    """Lines of time, place and quaternion, (N, 8)."""
+    rows = []
+    for number, words in _lines(path):
+        if len(words) != 8 or not all(_is_number(word) for word in words):
+            raise ConfigError(
+                f"people: {path}, line {number}: got {' '.join(words)!r}, expected `time x y z qx qy qz qw`"
+            )
+        rows.append([float(word) for word in words])
+    if not rows:
+        raise ConfigError(f"people: {path} holds no pose; expected lines `time x y z qx qy qz qw`, or no such file")
+    return np.array(rows)
+
+
+def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:
+    """Number and words of each line that is no comment."""
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"people: {path} cannot be read ({error})") from None
+    for number, line in enumerate(lines, 1):
+        words = line.split()
+        if words and not words[0].startswith("#"):
+            yield number, words
+
+
+def _is_number(word: str) -> bool:
     try:
         return math.isfinite(float(word))
     except ValueError:

@@ -89,6 +89,27 @@ def _red_box() -> tuple[int, int, int, int]:
     return int(xs.min()), int(ys.min()), int(np.ptp(xs)) + 1, int(np.ptp(ys)) + 1
 
 
+def test_with_the_cameras_poses_places_are_the_worlds(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    """The camera looks straight down from 4 m, its top along x, 10 m along x and -3 m along y; z is up."""
+    half = 0.5**0.5
+    poses = [
+        f"{1311868164.2 + 0.1 * k:.3f} {10 + 0.02 * (k - 0.5)} -3 4 {half} {-half} 0 0" for k in range(4)
+    ]  # the fourth picture comes after the last of them
+    (folder / "groundtruth.txt").write_text("\n".join(["# time x y z qx qy qz qw", *reversed(poses)]))
+    out = tmp_path / "t.csv"
+    assert people(str(folder), "--intrinsics", INTRINSICS, "--out", str(out), monkeypatch=monkeypatch) == 0
+    found = rows(out)
+    for row in found[:3]:
+        moved_m = 0.02 * (row[0] - 1)
+        assert row[7] == pytest.approx(10.5 + moved_m, abs=0.25) and row[8] == pytest.approx(-3.0 + 1.15, abs=0.25)
+        assert 0.0 < row[9] < 0.5, "just above the ground"
+    assert found[3][7:] == [-1, -1, -1], "where the camera's pose is not known, there is no place in the world"
+    said = capsys.readouterr().err
+    assert "in the world of the recording's groundtruth.txt" in said and "no pose of the vehicle" in said
+
+
 def test_annotations_are_compared(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys):
     x, y, width, height = _red_box()
     box = f'<box xc="{x + width / 2}" yc="{y + height / 2}" w="{width}" h="{height}"/>'
@@ -168,6 +189,16 @@ def test_lists_that_are_wrong_are_named(folder: Path):
     assert sequence.rate_hz == 2.0
     with pytest.raises(ConfigError, match=r"0.png: got uint8 of shape .*, expected a 16-bit picture"):
         list(sequence.frames())
+    truth = folder / "groundtruth.txt"
+    for text, match in (
+        ("1.0 0 0 1 0 0 0\n", "groundtruth.txt, line 1: got '1.0 0 0 1 0 0 0', expected `time x y z qx qy qz qw`"),
+        ("# none\n", "groundtruth.txt holds no pose"),
+        ("1.0 0 0 1 0 0 0 2\n", "time 1.000000: got a quaternion of norm 2.000, expected 1"),
+    ):
+        truth.write_text(text)
+        with pytest.raises(ConfigError, match=match):
+            TumSequence(folder, 5000.0)
+    truth.unlink()
     (folder / "rgb.txt").write_text("# nothing\n")
     (folder / "associations.txt").unlink()
     with pytest.raises(ConfigError, match="lists no picture"):
