@@ -1,7 +1,8 @@
 """How long the stages of the search for people take; floor and clusters beside Open3D on the same clouds.
 
 Everything runs on one core. Open3D gets the points, the band and the radius that ours used, as many hypotheses, and its
-own containers filled before the clock starts; ours is timed from the same points to the plane and the labels. Then the whole node (`people_node_speed`).
+own containers filled before the clock starts; ours is timed from the same points to the plane and the labels. Then the
+whole node (`people_node_speed`).
 """
 
 from __future__ import annotations
