@@ -16,7 +16,6 @@ import numpy as np
 from benchmarks.people_flights import Sway, Take
 from benchmarks.people_sensor import COLOUR, DEPTH, Shot, shots
 from common.config import Config
-from common.geometry.depth import to_image
 from common.geometry.rotation import as_quat, as_vec3
 from common.messages import Image, PeopleDetections, VehicleState
 from common.node import ScriptedRun
@@ -155,4 +154,6 @@ def _feed(run: ScriptedRun, shot: Shot) -> None:
     )
     run.feed("helm/state", state, shot.t_ns)
     run.feed("camera/down/raw", picture, shot.t_ns)
-    run.feed("camera/down/depth", to_image("down", shot.depth_mm / np.float32(1e3)), shot.t_ns)
+    rows, columns = shot.depth_mm.shape
+    ranges = Image(camera="down", width=columns, height=rows, encoding="depth_mm", data=shot.depth_mm.tobytes())
+    run.feed("camera/down/depth", ranges, shot.t_ns)
