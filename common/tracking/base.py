@@ -55,16 +55,23 @@ class TrackResult:
         return shared / (self.size_px[0] * self.size_px[1] + box[2] * box[3] - shared)
 
 
-def upright_box(result: TrackResult) -> Box:
-    """Upright box around the ellipse in the target's rectangle: x, y, width, height, px.
+def upright_around(box: Box, angle_rad: float) -> Box:
+    """Upright box around the ellipse in a rectangle that is turned about its centre, px.
 
-    The tracker weighs pixels by that ellipse. The box around the rectangle itself would grow by half of a tall
-    target's width for 15 degrees of doubt.
+    Not every tracker follows a rotation: one that starts on an upright box and one on a turned one would disagree for
+    ever about the size. Trackers weigh pixels by that ellipse; the box around the rectangle itself would grow by half
+    of a tall target's width for 15 degrees of doubt.
     """
-    (x, y), (width, height) = result.center_px, result.size_px
-    cosine, sine = math.cos(result.angle_rad), math.sin(result.angle_rad)
+    x, y, width, height = box
+    cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
     across, down = math.hypot(width * cosine, height * sine), math.hypot(width * sine, height * cosine)
-    return x - across / 2, y - down / 2, across, down
+    return x + (width - across) / 2, y + (height - down) / 2, across, down
+
+
+def upright_box(result: TrackResult) -> Box:
+    """Upright box around the ellipse in the target's rectangle: x, y, width, height, px. See `upright_around`."""
+    (x, y), (width, height) = result.center_px, result.size_px
+    return upright_around((x - width / 2, y - height / 2, width, height), result.angle_rad)
 
 
 @dataclass(frozen=True)

@@ -177,10 +177,16 @@ class TldTracker(BoxTracker):
         return (x, y, width, height), False
 
     def _score(self, similarity: float, correlation: float) -> float:
-        """Lesser of both measures over its limit, times one half, 0 to 1."""
+        """Lesser of both measures over its limit, times one half, 0 to 1.
+
+        What else looks like the target is no reason to doubt a trajectory that is valid: then a close likeness is
+        enough, relative or not.
+        """
         config = self._config
-        least = min(similarity / config.seen_similarity, correlation / config.seen_correlation)
-        return min(1.0, max(0.0, 0.5 * least))
+        likeness = similarity / config.seen_similarity
+        if self._valid:
+            likeness = max(likeness, correlation / config.valid_correlation)
+        return min(1.0, max(0.0, 0.5 * min(likeness, correlation / config.seen_correlation)))
 
     def _learn_target(self, grey: np.ndarray, box: Box) -> None:
         """Teach the nearest neighbours what they would not have found; else every small slip would become the target.

@@ -36,6 +36,8 @@ class TldConfig(Section, frozen=True, kw_only=True):
     """Relative similarity below which the tracker's box counts as not the target."""
     seen_correlation: Fraction = 0.4
     """The same of its correlation with a known patch."""
+    valid_correlation: Fraction = 0.75
+    """Correlation with a known patch from which a valid trajectory's box is the target, whatever else is like it."""
     flow_error: Positive = 0.2
     """Median forward-backward error above which the flow has failed, target sizes (the paper: 10 px)."""
     max_scale: Annotated[float, msgspec.Meta(gt=1)] = 4.0

@@ -25,6 +25,11 @@ from onboard.fusion.weights import combine, separations, severity, vote_weight
 FusionState = Literal["waiting", "tracking", "predicted", "lost"]
 _ONE_SOURCE = 0.7
 """Confidence that one fully reliable source alone gives; two give 0.91."""
+_SUSPECT = 0.05
+"""w_M from which a measurement counts as an outlier to its own past: well below one half it already weighs less."""
+_ALIKE = 0.7
+"""Distance of two measurements that count as alike, in switching distances of eq. 4.7: healthy ones of trackers lie as
+far apart."""
 _HANDICAP = 1.5
 """Distance that a voter without any standing is put further away, in switching distances of eq. 4.7."""
 
@@ -173,10 +178,11 @@ class Fusion:
                 vote = vote_weight(distances[name], config.omega_0, omega, config.vote_slope, config.vote_lambda)
                 far = severity(distances[name] / self._switch)
                 penalty = (vote - config.omega_0) / config.omega_0 * far
+            hesitant = 1.0 + config.delta_hesitant / config.omega_0 * opinion.hesitation**2
             base = expert.variance(self.unit)
             factor = 1.0 + penalty + (0.0 if name in jumped else opinion.penalty)
             judgements[name] = Judgement(
-                1.0 / factor, opinion.mahalanobis, opinion.weight, distances[name], vote, base * factor
+                1.0 / factor, opinion.mahalanobis, opinion.weight, distances[name], vote, base * factor * hesitant
             )
         return judgements
 
@@ -188,13 +194,13 @@ class Fusion:
         """
         if not self._config.common_jumps:
             return set()
-        outliers = [n for n, o in opinions.items() if o.weight > 0.5 and o.sure]
+        outliers = [n for n, o in opinions.items() if o.weight > _SUSPECT and o.sure]
         jumped = {
             name
             for name in outliers
             for other in outliers
             if name != other
-            and np.linalg.norm((opinions[name].value - opinions[other].value) / self.unit) < 0.5 * self._switch
+            and np.linalg.norm((opinions[name].value - opinions[other].value) / self.unit) < _ALIKE * self._switch
         }
         for name in jumped:
             self._experts[name].jump(opinions[name].value)

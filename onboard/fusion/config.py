@@ -30,6 +30,10 @@ class FusionConfig(Section, frozen=True, kw_only=True):
     """Δ of eq. 4.8 against ω₀: the penalty of an outlier (the thesis: 10 for TLD and Struck, 1,000 for CMT)."""
     delta_unsure: NonNegative = 10_000.0
     """Δ while a source's own confidence is below its threshold (the thesis: 10,000)."""
+    delta_hesitant: NonNegative = 100.0
+    """Δ of a source whose confidence is just at its threshold: against others, its word counts less than theirs."""
+    clearly_above: Positive = 0.2
+    """How far above its threshold the confidence of a source must be for none of that."""
     omega_0: Positive = 10.0
     """ω₀ of eq. 4.7."""
     omega: NonNegative = 1000.0
@@ -82,7 +86,7 @@ class FusionConfig(Section, frozen=True, kw_only=True):
 class HabDfConfig(Section, frozen=True, kw_only=True):
     """Which trackers are fused."""
 
-    members: Annotated[tuple[str, ...], msgspec.Meta(min_length=1)] = ("dsst", "cmt", "struck")
+    members: Annotated[tuple[str, ...], msgspec.Meta(min_length=1)] = ("dsst", "cmt", "struck", "tld")
     """Names of the registry. Three make a majority; of two that disagree, the past tells which to believe."""
     vote_slope: Positive = 16.0
     """`fusion.vote_slope` for boxes: healthy ones of different trackers lie 0.2 to 0.3 target sizes apart."""

@@ -28,6 +28,8 @@ class Opinion:
     """Δ w_M over ω₀, times its severity: variance that it adds, in fault-free variances."""
     sure: bool
     """Whether the source's own confidence was at its threshold or above."""
+    hesitation: float
+    """How near to its threshold it was, 0 to 1: 1 at it or below, 0 clearly above."""
 
 
 class Expert:
@@ -93,7 +95,13 @@ class Expert:
         penalty *= severity(distance / self._switch)
         if not begins:
             self.filter.update(value, base * (1.0 + penalty))
-        return Opinion(value, t_ns, distance, weight, penalty, confidence >= self.source.threshold)
+        return Opinion(
+            value, t_ns, distance, weight, penalty, confidence >= self.source.threshold, self._hesitation(confidence)
+        )
+
+    def _hesitation(self, confidence: float) -> float:
+        above = (confidence - self.source.threshold) / self._config.clearly_above
+        return 0.0 if self.source.threshold == 0.0 else min(1.0, max(0.0, 1.0 - above))
 
     def _delta(self, confidence: float) -> float:
         if confidence < self.source.threshold:

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import logging
 import math
+from collections.abc import Mapping
+from dataclasses import replace
 
+import cv2
 import numpy as np
 
-from common.tracking.base import Box, TrackResult, check_box, check_frame, upright_box
+from common.tracking.base import Box, TrackResult, check_box, check_frame, upright_around, upright_box
 from onboard.fusion.center import Fused, Fusion
 from onboard.fusion.config import FusionConfig
-from onboard.fusion.members import Ask, MemberPool
+from onboard.fusion.members import Answer, Ask, MemberPool
 from onboard.fusion.source import Measurement
 from onboard.fusion.tracker import measurement_of, source_of
+from onboard.fusion.witness import Verdict, Witness
 
 log = logging.getLogger(__name__)
 _LEAST_SIDE_PX = 6.0
@@ -35,6 +39,7 @@ class LiveHabDf:
         self._config = config
         self._answer_within_s, self._frozen_after_s = answer_within_s, frozen_after_s
         self._fusion: Fusion | None = None
+        self._witness: Witness | None = None
         self._size = (1.0, 1.0)
         self._fused: Fused | None = None
         self._seen_ns = 0
@@ -54,11 +59,10 @@ class LiveHabDf:
         check_frame(frame)
         check_box(frame, box, angle_rad)
         self.pool.collect(_IDLE_S)
-        # Not every tracker follows a rotation: one that starts on an upright box and one on a turned one would disagree
-        # for ever about the size.
         box = upright_around(box, angle_rad)
         self._fusion = Fusion([source_of(name) for name in self.pool.members], self._config)
         self._fit(box[2], box[3])
+        self._witness = Witness(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), box, t_ns)
         self._wanted = {}
         self._fused, self._seen_ns, self._said = None, t_ns, {}
         for member in self.pool.members.values():
@@ -96,27 +100,48 @@ class LiveHabDf:
         Raises:
             ValueError: no target.
         """
-        if self._fusion is None:
+        if self._fusion is None or self._witness is None:
             raise ValueError("fusion: step without a target; select one first")
         answers = dict(self.pool.collect(0.0))
         for member in self.pool.members.values():
             if member.started:
                 member.ask(Ask("update", t_ns, frame.shape), frame)
         answers |= dict(self.pool.collect(self._answer_within_s))
+        grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
+        verdict = self._judge(answers, grey, t_ns)
         measurements = []
         for name, answer in answers.items():
             self.late += answer.t_ns < t_ns
             if answer.result is not None:
                 self._said[name] = (answer.t_ns, answer.result)
-                measurements.append(measurement_of(name, answer.result, answer.t_ns))
-            elif answer.error:
+            if name in verdict.silent or (answer.result is None and answer.error):
                 measurements.append(Measurement(name, answer.t_ns, None))
+            elif answer.result is not None:
+                measurements.append(measurement_of(name, answer.result, answer.t_ns, name in verdict.doubted))
         fused = self._fused = self._fusion.step(measurements, t_ns)
         if fused.state == "tracking":
             self._seen_ns = t_ns
             self._fit(float(fused.value[3]), float(fused.value[2]))
-        self._tend(fused, frame, t_ns)
+        box = self.box
+        if measurements and fused.state == "tracking" and box is not None:
+            self._witness.learn(grey, box, fused)
+        vouched = box is not None and self._witness.vouches(grey, box, fused)
+        self._tend(replace(fused, restart=fused.restart if vouched else ()), frame, t_ns)
         return fused
+
+    def _judge(self, answers: Mapping[str, Answer], grey: np.ndarray, t_ns: int) -> Verdict:
+        """What the witness thinks of the answers to this very picture; of late ones it has the picture no more."""
+        boxes = {
+            name: upright_box(answer.result)
+            for name, answer in answers.items()
+            if answer.result is not None and answer.result.state == "tracking" and answer.t_ns == t_ns
+        }
+        if not boxes or self._witness is None or self._fusion is None:
+            return Verdict()
+        verdict = self._witness.judge(grey, boxes, len(self.pool.members) > 1, self._fused, t_ns)
+        for name in verdict.begun:
+            self._fusion.forget(name)
+        return verdict
 
     def _fit(self, width: float, height: float) -> None:
         self._size = (max(width, _LEAST_SIDE_PX), max(height, _LEAST_SIDE_PX))
@@ -150,11 +175,3 @@ class LiveHabDf:
     def close(self) -> None:
         """End the trackers."""
         self.pool.close()
-
-
-def upright_around(box: Box, angle_rad: float) -> Box:
-    """Upright box around the ellipse in a rectangle that is turned about its centre, px."""
-    x, y, width, height = box
-    c, s = math.cos(angle_rad), math.sin(angle_rad)
-    across, down = math.hypot(width * c, height * s), math.hypot(width * s, height * c)
-    return x + (width - across) / 2, y + (height - down) / 2, across, down

@@ -59,4 +59,5 @@ class Judgement:
     vote: float
     """w_d of eq. 4.7."""
     variance: np.ndarray = field(repr=False)
-    """Diagonal (N,) of R_vv, eq. 4.8, in measurement units squared; the source counts with it."""
+    """Diagonal (N,) of R_vv, eq. 4.8, in measurement units squared; the source counts with it, less still while it
+    hesitates."""

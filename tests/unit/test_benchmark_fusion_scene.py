@@ -44,7 +44,7 @@ def test_target_is_absent_while_something_hides_it() -> None:
 
 def test_members_and_fusion_are_compared_over_the_same_pictures() -> None:
     compared = compare(Sequence("rotation", ("rotation",), (2, 3), 8), 1)
-    assert list(compared) == ["dsst", "cmt", "struck", "hab-df"]
+    assert list(compared) == ["dsst", "cmt", "struck", "tld", "hab-df"]
     for one in compared.values():
         np.testing.assert_array_equal(one.frames, np.arange(1, 8))
         assert one.overlap[0] > 0.8

@@ -1,0 +1,170 @@
+"""A witness of the fused answer's own: what the target has looked like where trackers that agree spoke for it.
+
+Beyond the thesis, whose fusion knows boxes alone. TLD's nearest-neighbour classifier (Kalal et al. 2012, section 5.3)
+doubts a tracker whose box looks less like the target than another's, and decides who speaks while they disagree and
+nothing supports the answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from common.evaluation import jaccard
+from common.tracking.appearance import Appearance, upright_patch
+from common.tracking.base import Box
+from onboard.fusion.center import Fused
+
+_DOUBTFUL = 0.45
+"""Relative similarity below which a tracker's box is doubted if another's is clearly more similar."""
+_CORRELATED = 0.5
+"""Correlation with a known patch below which a box is taken for less similar than it is relative to the background."""
+_CLEARLY = 0.1
+_UNLIKE, _ALONE_UNLIKE = 0.3, 0.5
+"""Relative similarity below which it is doubted in any case, and when the other trackers say that they are lost."""
+_ALONE_THERE_UNLIKE = 0.4
+"""The same of one that is alone, and is where the answer was: it has not gone to something else."""
+_SAME = 0.5
+"""Overlap above which two boxes are the same."""
+_UNDECIDED_S = 0.06
+"""How long the answer must have been without support before one tracker is chosen to speak, s."""
+_CHOSEN = 0.5
+"""Least relative similarity of the one that is chosen."""
+_AGREED = 1.2
+"""Least sum of the reliabilities of two trackers or more that speak for the fused box."""
+_BACKGROUND_EVERY = 10
+"""Pictures between two looks for what else is like the target."""
+_APART = 0.2
+"""Largest overlap with the target of what counts as background."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the witness thinks of the trackers' boxes in one picture."""
+
+    doubted: frozenset[str] = frozenset()
+    """Trackers whose box does not look like the target, or less so than another's."""
+    silent: frozenset[str] = frozenset()
+    """Trackers that are not heard, since another was chosen to speak."""
+    begun: tuple[str, ...] = ()
+    """Trackers whose past no longer holds: one was just chosen, and these agree with it."""
+
+
+class Witness:
+    """What the fused target looks like, learned on the run.
+
+    Args:
+        grey: first picture, (H, W) uint8.
+        box: the target in it, px.
+        t_ns: its stamp, ns.
+    """
+
+    def __init__(self, grey: np.ndarray, box: Box, t_ns: int):
+        self._appearance = Appearance()
+        self._number = 0
+        self._supported_ns = t_ns
+        self._chosen: str | None = None
+        self._appearance.learn_target(upright_patch(grey, box))
+        self._learn_background(grey, box)
+
+    def judge(
+        self, grey: np.ndarray, boxes: Mapping[str, Box], several: bool, fused: Fused | None, t_ns: int
+    ) -> Verdict:
+        """Compare the boxes that trackers report in a picture with what the target has looked like.
+
+        Args:
+            grey: the picture, (H, W) uint8.
+            boxes: of each tracker that sees the target in this very picture, px.
+            several: whether there are other trackers, though they may see nothing.
+            fused: the last fused answer; None before any.
+            t_ns: stamp of the picture, ns.
+        """
+        similar = {name: self.likeness(grey, box) for name, box in boxes.items()}
+        begun = self._choose(similar, boxes, fused, t_ns)
+        heard = boxes.keys() if self._chosen is None else {self._chosen, *_same_as(self._chosen, boxes)}
+        return Verdict(_doubted(similar, boxes, fused if several else None), frozenset(boxes.keys() - heard), begun)
+
+    def likeness(self, grey: np.ndarray, box: Box) -> float:
+        """Relative similarity of a box, less where it correlates with no known patch of the target, 0 to 1.
+
+        While little is known of the background, anything is more like the target than like that.
+        """
+        similarity, correlation = self._appearance.similarity(upright_patch(grey, box))
+        return similarity * min(1.0, max(0.0, correlation / _CORRELATED))
+
+    def learn(self, grey: np.ndarray, box: Box, fused: Fused) -> None:
+        """Learn the fused box where trackers that agree speak for it, and from time to time what else is like it."""
+        self._number += 1
+        if agreed(fused):
+            self._appearance.learn_target(upright_patch(grey, box))
+            if self._number % _BACKGROUND_EVERY == 0:
+                self._learn_background(grey, box)
+
+    def vouches(self, grey: np.ndarray, box: Box, fused: Fused) -> bool:
+        """Whether trackers may be put on the fused box: several speak for it, or it looks like the target."""
+        return agreed(fused) or self.likeness(grey, box) >= _ALONE_UNLIKE
+
+    def _choose(
+        self, similar: Mapping[str, float], boxes: Mapping[str, Box], fused: Fused | None, t_ns: int
+    ) -> tuple[str, ...]:
+        """While trackers disagree and the past supports none, let the one that looks most like the target speak.
+
+        Beyond the thesis, where all are then penalised alike and the answer drifts between them. The choice is kept
+        until the answer is supported again, or another looks clearly more like the target. Returns those whose past no
+        longer holds.
+        """
+        if fused is None or fused.state == "tracking":
+            self._supported_ns, self._chosen = t_ns, None
+        elif t_ns - self._supported_ns >= _UNDECIDED_S * 1e9:
+            best = max(similar, key=lambda name: similar[name], default=None)
+            if best is None or similar[best] < _CHOSEN:
+                self._chosen = None
+            elif self._chosen is None or similar.get(self._chosen, 0.0) < similar[best] - _CLEARLY:
+                self._chosen = best
+                return best, *_same_as(best, boxes)
+        return ()
+
+    def _learn_background(self, grey: np.ndarray, box: Box) -> None:
+        for candidate in self._appearance.search(grey, (box[2], box[3]), (1.0,), 4):
+            if jaccard(candidate.box, box) < _APART:
+                self._appearance.learn_background(upright_patch(grey, candidate.box))
+
+
+def _doubted(similar: Mapping[str, float], boxes: Mapping[str, Box], fused: Fused | None) -> frozenset[str]:
+    """Trackers whose box looks less like the target than one elsewhere does, or like nothing known.
+
+    Of boxes at one place the witness cannot judge: what turns away, and grows, looks most like the past in the box that
+    does not grow with it.
+
+    Args:
+        similar: likeness of each tracker's box.
+        boxes: the same trackers' boxes, px.
+        fused: the last answer; None without one, or where there is one tracker alone anyway.
+    """
+    best = max(similar.values(), default=0.0)
+    least = _UNLIKE
+    if len(boxes) == 1 and fused is not None:
+        (box,) = boxes.values()
+        least = _ALONE_THERE_UNLIKE if jaccard(box, _box_of(fused)) > _SAME else _ALONE_UNLIKE
+    unlike = {n for n, s in similar.items() if s < least or (s < _DOUBTFUL and s < best - _CLEARLY)}
+    return frozenset(name for name in unlike if not set(_same_as(name, boxes)) - unlike)
+
+
+def _box_of(fused: Fused) -> Box:
+    u, v, height, width = fused.value.tolist()
+    return u - width / 2, v - height / 2, width, height
+
+
+def agreed(fused: Fused) -> bool:
+    """Whether two trackers or more speak for the fused answer."""
+    agreeing = [j.reliability for j in fused.sources.values() if j.reliability > 0.5]
+    return len(agreeing) >= 2 and sum(agreeing) >= _AGREED
+
+
+def _same_as(name: str, boxes: Mapping[str, Box]) -> list[str]:
+    """The other trackers whose box overlaps that of this one by half; none where it has no box."""
+    if name not in boxes:
+        return []
+    return [n for n, box in boxes.items() if n != name and jaccard(box, boxes[name]) > _SAME]

@@ -1,0 +1,58 @@
+"""The witness of the fused answer: whom it doubts, whom it lets speak, and what it learns."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from common.tracking.base import Box
+from onboard.fusion.center import Fused, FusionState
+from onboard.fusion.source import Judgement
+from onboard.fusion.witness import Witness, agreed
+
+GREY = cv2.GaussianBlur(np.random.default_rng(0).integers(0, 255, (240, 320), np.uint8), (0, 0), 2.0)
+BOX: Box = (100.0, 80.0, 40.0, 30.0)
+LARGER: Box = (94.0, 78.0, 52.0, 34.0)
+ELSEWHERE: Box = (220.0, 150.0, 40.0, 30.0)
+
+
+def _fused(state: FusionState, *reliabilities: float) -> Fused:
+    sources = {f"m{i}": Judgement(r, 0.0, 0.0, 0.0, 0.0, np.ones(4)) for i, r in enumerate(reliabilities)}
+    return Fused(0, state, np.zeros(4), np.zeros(4), np.eye(8), 0.9, sources, ())
+
+
+def test_a_box_elsewhere_that_looks_like_nothing_known_is_doubted_and_one_at_the_same_place_is_not() -> None:
+    witness = Witness(GREY, BOX, 0)
+    verdict = witness.judge(GREY, {"a": BOX, "b": ELSEWHERE}, True, None, 0)
+    assert verdict.doubted == {"b"}
+    assert not verdict.silent
+    verdict = witness.judge(GREY, {"a": BOX, "grown": LARGER}, True, None, 0)
+    assert not verdict.doubted, "of a size the witness cannot judge"
+    assert witness.judge(GREY, {"b": ELSEWHERE}, True, None, 0).doubted == {"b"}
+
+
+def test_after_a_while_without_support_the_most_similar_speaks_with_those_that_agree() -> None:
+    witness = Witness(GREY, BOX, 0)
+    boxes: dict[str, Box] = {"a": BOX, "same": LARGER, "b": ELSEWHERE}
+    lost = _fused("predicted")
+    assert not witness.judge(GREY, boxes, True, lost, 50_000_000).silent
+    verdict = witness.judge(GREY, boxes, True, lost, 100_000_000)
+    assert verdict.silent == {"b"}
+    assert set(verdict.begun) == {"a", "same"}
+    again = witness.judge(GREY, boxes, True, lost, 150_000_000)
+    assert (again.silent, again.begun) == ({"b"}, ())
+    assert not witness.judge(GREY, boxes, True, _fused("tracking", 1.0, 1.0), 200_000_000).silent
+
+
+def test_it_learns_only_where_two_agree_and_then_vouches_for_what_it_learned() -> None:
+    witness = Witness(GREY, BOX, 0)
+    alone, both = _fused("tracking", 1.0, 0.1), _fused("tracking", 1.0, 0.9)
+    assert not agreed(alone)
+    assert agreed(both)
+    before = witness.likeness(GREY, ELSEWHERE)
+    witness.learn(GREY, ELSEWHERE, alone)
+    assert witness.likeness(GREY, ELSEWHERE) == before
+    assert not witness.vouches(GREY, ELSEWHERE, alone)
+    witness.learn(GREY, ELSEWHERE, both)
+    assert witness.likeness(GREY, ELSEWHERE) > 0.9
+    assert witness.vouches(GREY, ELSEWHERE, alone)
