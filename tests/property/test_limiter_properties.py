@@ -18,12 +18,16 @@ from onboard.helm.setpoint import AccelerationSetpoint
 from onboard.helm.telemetry import AttitudeSample, PositionSample, Telemetry
 from onboard.limiter.config import LimiterConfig
 from onboard.limiter.constraints import Bounds, Motion, nearest_ahead, obstacle_rows, plain_rows
-from onboard.limiter.law import stoppable
+from onboard.limiter.law import stoppable, stopping_distance_m
 from onboard.limiter.limiter import bounded, bounded_many, limit
 from onboard.limiter.project import project
 from onboard.limiter.surroundings import Surroundings, of_obstacles
 
-CONFIGS = [LimiterConfig(strategy=s) for s in ("proposed", "tti", "dpf")]
+CONFIGS = [
+    *(LimiterConfig(strategy=s) for s in ("proposed", "tti", "dpf")),
+    LimiterConfig(push_back_m_s=0.0),
+    LimiterConfig(strategy="dpf", push_back_m_s=0.0),
+]
 _CONFIG = st.sampled_from(CONFIGS)
 _SPEED = st.floats(-3.0, 3.0)
 _VELOCITY = st.tuples(_SPEED, _SPEED, _SPEED)
@@ -53,16 +57,47 @@ def _size(vector) -> float:
     return float(np.linalg.norm(vector))
 
 
+def _way(obstacle: Obstacle, config: LimiterConfig) -> tuple[np.ndarray, np.ndarray]:
+    """Times and places of an obstacle, as it is foreseen, up to where it comes within h_min of the vehicle."""
+    t_s = np.linspace(0.0, config.foresight_s, 161)
+    places = obstacle.distance_m * np.array(obstacle.ned_direction) + t_s[:, None] * np.array(obstacle.ned_v_m_s)
+    within = np.nonzero(np.linalg.norm(places, axis=1) < config.h_min_m)[0]
+    until = max(int(within[0]) if len(within) else len(t_s), 1)
+    return t_s[:until], places[:until]
+
+
 @given(_VELOCITY, _VELOCITY, _OBSTACLES, _CONFIG)
 @_FAST
 def test_it_is_never_faster_towards_an_obstacle_than_the_bound(asked, flown, obstacles, config):
-    """Where it is nearest on its way, if it moves: the half-space before that place has all of its way behind it."""
+    """Wherever on its way it is by then: the half-space before the nearest place has all of the way behind it, and the
+    vehicle, stopping as it can, ends h_min and the margin before every place."""
     result = np.array(limit(asked, of_obstacles(obstacles), config, ned_vehicle_v_m_s=flown).ned_v_m_s)
+    kept_m = config.h_min_m + config.margin_m
     for obstacle in obstacles:
         place = (np.array([obstacle.distance_m]), np.array([obstacle.ned_direction]), np.array([obstacle.ned_v_m_s]))
         distance, normal = nearest_ahead(*place, config)
-        bound = float(stoppable(distance - config.h_min_m - config.margin_m, config)[0])
-        assert float(normal[0] @ result) <= bound + 1e-6
+        speed = float(normal[0] @ result)
+        assert speed <= float(stoppable(distance - kept_m, config)[0]) + 1e-6
+        if speed > 1e-6:
+            _, places = _way(obstacle, config)
+            assert (places @ normal[0] - stopping_distance_m(speed, config) >= kept_m - 1e-5).all()
+
+
+@given(_VELOCITY, _VELOCITY, _OBSTACLES, _CONFIG)
+@_FAST
+def test_a_stop_from_what_it_allows_keeps_h_min_to_every_obstacle_on_its_way(asked, flown, obstacles, config):
+    """Instant by instant, straight on with the delay and the deceleration of the configuration; but for obstacles that
+    would come nearer than h_min and the margin to a vehicle that stands."""
+    v = np.array(limit(asked, of_obstacles(obstacles), config, ned_vehicle_v_m_s=flown).ned_v_m_s)
+    speed, delay_s, braking = _size(v), config.stop_delay_s, config.stop_deceleration_m_s2
+    for obstacle in obstacles:
+        t_s, places = _way(obstacle, config)
+        if np.linalg.norm(places, axis=1).min() < config.h_min_m + config.margin_m:
+            continue
+        slowing_s = np.clip(t_s - delay_s, 0.0, speed / braking)
+        way_m = speed * (np.minimum(t_s, delay_s) + slowing_s) - 0.5 * braking * slowing_s**2
+        flown_m = way_m[:, None] * (v / max(speed, 1e-9))
+        assert np.linalg.norm(places - flown_m, axis=1).min() >= config.h_min_m - 1e-6
 
 
 @given(_VELOCITY, _VELOCITY, _OBSTACLES, _CONFIG)
