@@ -32,10 +32,17 @@ _HEADING_KNOWN_S = (2.0, 6.0)
 
 _LINES_FROM = 0.5
 """Least confidence in a picture whose lines are read: an occluder's edge is a line, too."""
+_CLEAR = 0.8
+"""Confidence in a picture whose angle is believed even if the target's lines do not show."""
+_DOUBTFUL_RAD = 1.0
+"""Standard deviation of an angle that is not believed."""
 _FOUND_FACTOR = 1.1
 """Largest distance of what a search finds, over that of a healthy picture."""
 _FOUND_FLOOR = 0.4
-"""Lower bound of that: noise, sampling and a turn reach 0.3 on a target in full view."""
+"""Lower bound of that: noise, sampling and a turn reach 0.3 on a target in full view …"""
+_FOUND_BELOW = 0.02
+"""… and, in the light that it left in, so far below the lower bound of d_lim: at the picture's edge a car shows its
+sides."""
 _PROBATION = 12
 """Pictures in which what a search found must be seen before it is trusted."""
 
@@ -81,7 +88,7 @@ class ParticleFilterTracker:
         """Search the whole picture, and start on what looks most like the target if that looks enough like it."""
         check_frame(frame, None if self._result is None else self._frame.shape)
         first = self._result is None
-        limit = self._config.found_limit if first else self._found_limit
+        limit = self._config.found_limit if first else self._found_limit(relit=True)
         tried = [self._search(frame, gain, None) for gain in (self._light.gain, *self._light.jumps(frame))]
         best = min((f for f in tried if f is not None), key=lambda f: f.distance, default=None)
         if best is None or best.distance > limit:
@@ -192,12 +199,13 @@ class ParticleFilterTracker:
             return
         turn = (self._unseen_frames - self._config.reinitialise_after) // self._config.reinitialise_every
         others = self._light.jumps(frame)
-        gain = others[turn // 2 % len(others)] if turn % 2 and others else self._light.gain
+        relit = bool(turn % 2 and others)
+        gain = others[turn // 2 % len(others)] if relit else self._light.gain
         reach_px = self._usual_size_px * (1.0 + _REACH_1_S * self._unseen_s)
         heading_known = float(np.interp(self._unseen_s, _HEADING_KNOWN_S, (1.0, 0.0)))
         nearby = Nearby(expected.center_px, reach_px, expected.angle_rad, heading_known)
         found = self._search(frame, gain, nearby)
-        if found is not None and found.cost <= self._found_limit:
+        if found is not None and found.cost <= self._found_limit(relit):
             self._start_on(found, frame, t_ns)
 
     def _search(self, frame: np.ndarray, gain: np.ndarray, nearby: Nearby | None) -> Found | None:
@@ -225,10 +233,10 @@ class ParticleFilterTracker:
         limit = self._config.limit_factor * self._healthy_distance
         return min(max(limit, self._config.limit_floor), self._config.limit_ceiling)
 
-    @property
-    def _found_limit(self) -> float:
+    def _found_limit(self, relit: bool) -> float:
         """Largest distance of a place that a search may start on: the best of so many has to look as it used to."""
-        return min(self._limit, max(_FOUND_FLOOR, _FOUND_FACTOR * self._healthy_distance))
+        floor = _FOUND_FLOOR if relit else max(_FOUND_FLOOR, self._config.limit_floor - _FOUND_BELOW)
+        return min(self._limit, max(floor, _FOUND_FACTOR * self._healthy_distance))
 
     def _new_motion(self, state: np.ndarray) -> ConstantVelocity:
         config = self._config
@@ -287,7 +295,9 @@ class ParticleFilterTracker:
         # learn from that, so the closer to the limit, the less it does.
         margin = max(self._limit - self._healthy_distance, 1e-6)
         confidence = min(1.0, max(0.05, 1.0 - (smallest - self._healthy_distance) / margin))
-        turn = self._turn(mean, confidence)
+        turn, doubtful = self._turn(mean, confidence)
+        if doubtful:
+            angle_std = max(angle_std, _DOUBTFUL_RAD)
         mean[PSI] = wrap_angle(mean[PSI] + turn)
         self._states[:, PSI] += turn
         self._motion.correct(mean, confidence)
@@ -301,14 +311,21 @@ class ParticleFilterTracker:
         self._rates = np.tile(self._motion.rate, (len(self._states), 1))
         return mean, angle_std
 
-    def _turn(self, mean: np.ndarray, confidence: float) -> float:
-        """How far to turn the mean state (4,): to where it fits best, and then along the target's own lines, rad."""
+    def _turn(self, mean: np.ndarray, confidence: float) -> tuple[float, bool]:
+        """How far to turn the mean state (4,), rad, and whether the picture does not tell the angle.
+
+        It is turned to where it fits best, and then along the target's own lines. Of a target that is being covered
+        neither is to be believed.
+        """
         turned = mean.copy()
         if self._model is not None and self._config.turn_sweep_rad > 0.0:
             turned[PSI] += self._best_turn(self._model, mean)
-        if confidence >= _LINES_FROM:
-            turned[PSI] += self._lines.turn(self._frame, turned)
-        return float(turned[PSI] - mean[PSI])
+        along = self._lines.turn(self._frame, turned) if confidence >= _LINES_FROM else None
+        if along is not None:
+            return float(turned[PSI] - mean[PSI]) + along, False
+        if self._lines.usable and confidence < _CLEAR:
+            return 0.0, True
+        return float(turned[PSI] - mean[PSI]), False
 
     def _best_turn(self, model: HistogramModel, mean: np.ndarray) -> float:
         """How far the mean state (4,) has to be turned to fit best, rad, within the sweep.

@@ -110,11 +110,14 @@ class ChaseLaw:
         self._filters.heading.reset()
         self._steering.retarget()
         self._kept: deque[tuple[int, _Filters]] = deque()
+        self._seen_since_ns = 0
         self._unseen_since_ns: int | None = None
 
     def follow(self, view: View, pose: Pose, t_ns: int, angle_std_rad: float) -> Wish:
         """What to fly for a target that was seen in the picture captured at `t_ns`."""
-        self._unseen_since_ns = None
+        if self._unseen_since_ns is not None or not self._kept:
+            self._kept.clear()
+            self._seen_since_ns, self._unseen_since_ns = t_ns, None
         f = self._filters
         f.heading.memory_s = self._config.turn_memory_s
         if angle_std_rad <= self._config.yaw_doubt_rad:
@@ -206,7 +209,7 @@ class ChaseLaw:
         hard start loses the target that it is for. The tilt for an acceleration a is atan(a / g).
         """
         c = self._config
-        room_rad = view.half_field_rad - c.view_margin_rad - off_axis_rad(view)
+        room_rad = view.reach_rad - c.view_margin_rad - off_axis_rad(view)
         return float(np.clip(_GRAVITY_M_S2 * math.tan(room_rad), c.acceleration_min_m_s2, c.acceleration_m_s2))
 
     def _yaw_rate(self, pose: Pose, t_ns: int) -> float:
@@ -235,15 +238,20 @@ class ChaseLaw:
             self._kept.popleft()
 
     def _roll_back(self, t_ns: int) -> None:
-        """On a loss, go on from what was known before it, turned as the heading then still was."""
+        """On a loss, go on from what was known before it, turned as the heading then still was.
+
+        Of a short sight the later half is taken back: what was known before it is older than any occluder's edge.
+        """
         if not self._kept:
             return
-        target, heading = self._kept[0][1].copy().target, self._kept[0][1].heading
+        half_ns = (t_ns - self._seen_since_ns) // 2
+        before = [kept for kept in self._kept if kept[0] <= t_ns - min(_BEFORE_LOSS_NS, half_ns)]
+        start_ns, start = before[-1] if before else self._kept[0]
+        target, heading = start.copy().target, start.heading
         for kept_ns, filters in self._kept:
-            if kept_ns > max(t_ns - _HEADING_BEFORE_LOSS_NS, self._kept[0][0]):
-                break
-            target.carry(kept_ns, filters.heading.predict(kept_ns)[1])
-            heading = filters.heading
+            if start_ns < kept_ns <= t_ns - min(_HEADING_BEFORE_LOSS_NS, half_ns):
+                target.carry(kept_ns, filters.heading.predict(kept_ns)[1])
+                heading = filters.heading
         self._filters = _Filters(target, copy.copy(heading))
         self._filters.heading.memory_s = self._config.turn_unseen_s
 

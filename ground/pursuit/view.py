@@ -43,6 +43,13 @@ class View:
     """Heading of the target: of the rectangle's upper side, rad from north, clockwise."""
     half_field_rad: float
     """Angle from the middle of the picture to its nearest edge, rad."""
+    reach_rad: float = 0.0
+    """The same to the edge beyond the target, rad: the picture is wider than high."""
+
+    def __post_init__(self) -> None:
+        """Without a reach, that of the nearest edge."""
+        if self.reach_rad == 0.0:
+            object.__setattr__(self, "reach_rad", self.half_field_rad)
 
 
 def look(
@@ -70,7 +77,8 @@ def look(
         return None
     nose = tangents[1] - tangents[0]
     relative_m = arm_m[:2] + tangents[0] * (height_m - arm_m[2])
-    return View(tangents[0], relative_m, math.atan2(nose[1], nose[0]), _half_field_rad(camera))
+    heading_rad = math.atan2(nose[1], nose[0])
+    return View(tangents[0], relative_m, heading_rad, _half_field_rad(camera), _reach_rad(camera, centre_px))
 
 
 def pixel_of(camera: Camera, pose: Pose, ned_m: Array) -> tuple[float, float] | None:
@@ -88,3 +96,13 @@ def off_axis_rad(view: View) -> float:
 def _half_field_rad(camera: Camera) -> float:
     """Angle from the middle of the picture to its nearest edge, rad."""
     return math.atan(min(camera.height / camera.fy_px, camera.width / camera.fx_px) / 2)
+
+
+def _reach_rad(camera: Camera, centre_px: tuple[float, float]) -> float:
+    """Angle from the middle of the picture to its edge, on the way through a pixel, rad."""
+    across, down = abs(centre_px[0] - camera.cx_px) / camera.fx_px, abs(centre_px[1] - camera.cy_px) / camera.fy_px
+    off = math.hypot(across, down)
+    if off == 0.0:
+        return _half_field_rad(camera)
+    most_across, most_down = camera.width / camera.fx_px / 2, camera.height / camera.fy_px / 2
+    return math.atan(min(most_across * off / max(across, 1e-9), most_down * off / max(down, 1e-9)))

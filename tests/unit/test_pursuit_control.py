@@ -204,6 +204,24 @@ def test_what_an_occluder_s_edge_says_of_a_target_s_place_is_forgotten() -> None
     assert np.linalg.norm(_coasted(0.0, 2.5)) > 0.12, "what was said half a second before is believed"
 
 
+@pytest.mark.parametrize("pictures", [4, 6, 8])
+def test_what_a_short_sight_says_between_two_losses_counts(pictures: int) -> None:
+    """A car drives off at 1.2 m/s, is hidden for 2 s, seen to stand in a few pictures, and lost again."""
+    law = ChaseLaw(PursuitConfig(target_height_m=0.0))
+    again, gone = 80, 80 + pictures
+    for index in range(gone + 15):
+        t_ns = index * 50_000_000
+        if index < 40 or again <= index < gone:
+            relative = np.array([-1.0 + 0.06 * index if index < 40 else 2.0, 0.0])
+            law.follow(View(relative / 5, relative, 0.0, HALF_FIELD), _pose(), t_ns, 0.05)
+        else:
+            law.coast(_pose(), t_ns)
+    expected = law.expected(CAMERA, _pose(), (gone + 15) * 50_000_000)
+    stands = pixel_of(CAMERA, _pose(), np.array([2.0, 0.0, 0.0]))
+    assert expected is not None and stands is not None
+    assert math.dist(expected.center_px, stands) * 5.0 / CAMERA.fx_px < 0.15
+
+
 def test_a_turn_that_ended_just_before_the_loss_is_not_gone_on_with() -> None:
     assert np.linalg.norm(_coasted(2.5, 9.0)) < 0.2
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks.painted_scene import Pose, Scene, car_picture, paint, straight, winding
+from benchmarks.painted_scene import CAR_PX, Pose, Scene, car_picture, ground_picture, paint, straight, winding
 from common.tracking.base import TrackResult
 from common.tracking.config import ParticleFilterConfig
 from common.tracking.particle_filter import ParticleFilterTracker
@@ -62,6 +62,28 @@ def test_the_sweep_takes_the_lag_out_of_a_turn() -> None:
         rms_rad[sweep_rad] = float(np.sqrt(np.mean(np.square(errors[14:]))))
     assert rms_rad[0.4] < 0.5 * rms_rad[0.0]
     assert rms_rad[0.4] < 0.05
+
+
+@pytest.mark.parametrize(("limit_floor", "found"), [(0.36, 0), (0.48, 1)])
+def test_a_target_that_comes_back_looking_otherwise_is_found_as_far_as_its_limit_allows(
+    limit_floor: float, found: int
+) -> None:
+    """Nearly half of it is of another colour, and it is far from where it left: a distance of 0.35, a cost of 0.41."""
+    tracker = ParticleFilterTracker(ParticleFilterConfig(limit_floor=limit_floor), np.random.default_rng(1))
+    ground, noise, changed = ground_picture(np.random.default_rng(4)), np.random.default_rng(3), car_picture()
+    changed[:, : round(0.48 * CAR_PX[0])] = (60, 150, 60)
+    for index in range(38):
+        picture = ground.copy()
+        if index < 14:
+            paint(picture, car_picture(), Pose(200.0, 240.0, 0.2))
+        elif index >= 24:
+            paint(picture, changed, Pose(420.0, 150.0, 0.5))
+        frame = np.clip(picture + 4.0 * noise.standard_normal(picture.shape, np.float32), 0, 255).astype(np.uint8)
+        if index == 0:
+            tracker.init(frame, Pose(200.0, 240.0, 0.2).box(), 0.2, 0)
+        else:
+            tracker.update(frame, index * 50_000_000)
+    assert tracker.reinitialisations == found
 
 
 def test_full_occlusion_is_noticed_and_overcome() -> None:
