@@ -22,6 +22,7 @@ from benchmarks import (
     people_association,
     people_pose,
     people_speed,
+    people_video,
     pursuit,
     pursuit_speed,
 )
@@ -37,6 +38,7 @@ BENCHMARKS: dict[str, Benchmark] = {
         pursuit_speed.BENCHMARK,
         people.BENCHMARK,
         people_speed.BENCHMARK,
+        people_video.BENCHMARK,
         people_pose.BENCHMARK,
         people_association.BENCHMARK,
         fusion.BENCHMARK,

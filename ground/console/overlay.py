@@ -27,6 +27,8 @@ MEMBER_COLOURS: tuple[Colour, ...] = ((255, 214, 90), (214, 140, 255), (120, 230
 _FRAME: Colour = (13, 17, 23)
 _SURE = 0.3  # a joint less sure than this is not drawn
 _ASPECT_RANGE = (0.3, 4.0)
+_WORD_PX, _FOOT_PX = 18, 36
+"""Height of a word's ground, and of the rows below that belong to the captions, px."""
 
 
 @dataclass(frozen=True)
@@ -139,7 +141,10 @@ class Painter:
         for point, shown in zip(points, sure, strict=True):
             if shown:
                 cv2.circle(picture, point, thickness, WHITE, -1, cv2.LINE_AA)
-        self.word(picture, round(x + width / 2), round(y + height) + 4, word)
+        below = round(y + height) + 4
+        # The last rows belong to the captions: there, the name stands above the box.
+        fits = below + _WORD_PX <= picture.shape[0] - _FOOT_PX
+        self.word(picture, round(x + width / 2), below if fits else round(y) - _WORD_PX - 4, word)
 
     def mark(self, picture: Pixels, x_px: float, y_px: float, word: str, colour: Colour) -> None:
         """Draw corners around a place and a word below them; nothing where it lies outside the picture."""
@@ -158,8 +163,8 @@ class Painter:
         """Write a word centred below a place, within the picture."""
         wide = self._width(word, 13, 600)
         left = min(max(4, x_px - wide // 2), max(4, picture.shape[1] - wide - 4))
-        top = min(max(2, y_px), picture.shape[0] - 20)
-        _shade(picture, left - 4, top, wide + 8, 18, 0.6)
+        top = min(max(2, y_px), picture.shape[0] - _WORD_PX - 2)
+        _shade(picture, left - 4, top, wide + 8, _WORD_PX, 0.6)
         cv2.putText(picture, word, (left, top + 14), WHITE, self._font, 13, 600)
 
     def aim(self, picture: Pixels) -> None:

@@ -11,9 +11,9 @@ import numpy as np
 
 from common.geometry.rotation import Array
 from common.messages import Covariance, Person
-from ground.console.cards import card
+from ground.console.cards import card, row
 from ground.console.overlay import GREEN, GREY, ORANGE, Colour
-from ground.console.snapshot import PEOPLE, Snapshot
+from ground.console.snapshot import PEOPLE, SEARCH, STATUS, Snapshot
 
 COLOURS: dict[str, Colour] = {"seen": GREEN, "provisional": ORANGE, "away": (74, 168, 255), "dismissed": GREY}
 """Colour of each state, RGB."""
@@ -69,6 +69,26 @@ def ellipse(covariance: Covariance, points: int) -> Array:
     along, across = large * np.cos(t), small * np.sin(t)
     c, s = math.cos(angle), math.sin(angle)
     return np.stack((c * along - s * across, s * along + c * across, np.zeros_like(t)), axis=1)
+
+
+def is_interrupted(view: Snapshot) -> bool:
+    """Whether a search was begun and not ended, and helm does not obey it now: it can be gone on with."""
+    search, status = view.search, view.status
+    begun = search is not None and view.fresh(SEARCH) and search.state == "searching"
+    return begun and status is not None and view.fresh(STATUS) and status.state != "search"
+
+
+def search_html(view: Snapshot) -> str:
+    """How far the search over the area is, or how it ended."""
+    search = view.search
+    if search is None or not view.fresh(SEARCH):
+        return card(row("Search", '<span class="d">no word from it</span>'))
+    if search.state == "idle":
+        return card(row("Search", f'<span class="d">{escape(search.reason)}</span>'))
+    lines, line = len(search.way_m) // 2, search.next_corner // 2 + 1
+    word = '<b class="o">interrupted</b>' if is_interrupted(view) else '<b class="g">under way</b>'
+    left_out = f", {search.skipped} corners left out" if search.skipped else ""
+    return card(row("Search", f"{word}, line {min(line, lines)} of {lines}{left_out}"))
 
 
 def people_html(view: Snapshot) -> str:

@@ -7,8 +7,25 @@ from collections.abc import Callable
 import viser
 
 from common.messages import Command, person_label
-from ground.console.commands import APPROACH_PERSON, DISMISS, MERGE, RENAME, Action
-from ground.console.people_cards import called, faces_html, listed, number_of, people_html
+from ground.console.commands import (
+    APPROACH_PERSON,
+    DISMISS,
+    MERGE,
+    RENAME,
+    RESUME_SEARCH,
+    SEARCH_AREA,
+    STOP_SEARCH,
+    Action,
+)
+from ground.console.people_cards import (
+    called,
+    faces_html,
+    is_interrupted,
+    listed,
+    number_of,
+    people_html,
+    search_html,
+)
 from ground.console.snapshot import Snapshot
 
 NOBODY: str = "nobody yet"
@@ -63,11 +80,15 @@ class PeopleTab:
 
     def __init__(self, gui: viser.GuiApi, notify: Notify, refuse: Refuse):
         self._notify, self._refuse = notify, refuse
+        self._interrupted = False
+        self._search = gui.add_html("")
+        self.buttons = {action: self._add_search(gui, action) for action in (SEARCH_AREA, STOP_SEARCH)}
+        """Handle of each order's button."""
         self._faces = gui.add_html("")
         self._list = gui.add_html("")
         self._who = gui.add_dropdown("Person", (NOBODY,))
-        self.buttons = {APPROACH_PERSON: self._add(gui, APPROACH_PERSON), DISMISS: self._add(gui, DISMISS)}
-        """Handle of each order's button."""
+        for action in (APPROACH_PERSON, DISMISS):
+            self.buttons[action] = self._add(gui, action)
         self._name = gui.add_text("Name", "")
         self.buttons[RENAME] = self._add(gui, RENAME)
         self._other = gui.add_dropdown("Same as", (NOBODY,))
@@ -75,7 +96,13 @@ class PeopleTab:
 
     def update(self, view: Snapshot) -> None:
         """Bring the list and the choices up to date; who was chosen stays chosen under another name."""
-        for element, content in ((self._list, people_html(view)), (self._faces, faces_html(view.faces))):
+        self._interrupted = is_interrupted(view)
+        texts = (
+            (self._search, search_html(view)),
+            (self._list, people_html(view)),
+            (self._faces, faces_html(view.faces)),
+        )
+        for element, content in texts:
             if element.content != content:
                 element.content = content
         options = tuple(called(p) for p in listed(view.people.people)) if view.people is not None else ()
@@ -87,6 +114,17 @@ class PeopleTab:
         for option in self._who.options:
             if number_of(option) == number:
                 self._who.value = option
+
+    def _add_search(self, gui: viser.GuiApi, action: Action) -> viser.GuiButtonHandle:
+        button = gui.add_button(action.label, icon=action.icon, color=_PLAIN)
+
+        @button.on_click
+        def _(event: viser.GuiEvent) -> None:
+            if event.client is not None:
+                goes_on = action is SEARCH_AREA and self._interrupted
+                self._notify(event.client, RESUME_SEARCH if goes_on else action, Command())
+
+        return button
 
     def _add(self, gui: viser.GuiApi, action: Action) -> viser.GuiButtonHandle:
         button = gui.add_button(action.label, icon=action.icon, color=_PLAIN)

@@ -15,6 +15,7 @@ from common.messages import (
     Obstacle,
     People,
     PeopleDetections,
+    SearchStatus,
     Session,
     Setpoint,
     Track,
@@ -33,6 +34,7 @@ MEMBERS = "follow/members"
 OBSTACLES = ("obstacles/depth", "obstacles/people", "obstacles/circles")
 LIMITER = "helm/limiter"
 APPROACH = "approach/target"
+SEARCH = "search/status"
 PEOPLE = "people/tracks"
 DETECTIONS = "people/detections"
 FACES = "people/pictures"
@@ -46,6 +48,7 @@ TOPICS = (
     FOLLOWED,
     MEMBERS,
     APPROACH,
+    SEARCH,
     *OBSTACLES,
     DETECTIONS,
     PEOPLE,
@@ -117,6 +120,8 @@ class Snapshot:
     """Newest status of the limiter."""
     approach: ApproachTarget | None = None
     """Newest word of the approach."""
+    search: SearchStatus | None = None
+    """Newest word of the search over an area."""
     detections: PeopleDetections | None = None
     """Newest word of the people in a picture."""
     detections_capture_ns: int = 0

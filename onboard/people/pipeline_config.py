@@ -12,16 +12,20 @@ from onboard.people.config import AssociationConfig, ClusterConfig, FloorConfig,
 
 
 class DetectorConfig(Section, frozen=True, kw_only=True):
-    """A person detector in an ONNX file: where regions come from without depth."""
+    """A person detector in a file: where regions come from without depth."""
 
     file: str
-    """Path of the ONNX file."""
-    decoder: Literal["yolo", "yolo_objectness", "ssd"]
+    """Path of an ONNX file, or of a TFLite file that ends in .tflite."""
+    decoder: Literal["yolo", "yolo_objectness", "ssd", "ssd_raw"]
     """What its output holds. `yolo`: (1, 4 + classes, boxes) of centre x, y, width, height in px and a score for each
     class. `yolo_objectness`: (1, boxes, 5 + classes), the fifth number a score of there being anything. `ssd`:
-    (1, 1, boxes, 7) of picture, class, score and left, top, right, bottom as shares of the sides."""
+    (1, 1, boxes, 7) of picture, class, score and left, top, right, bottom as shares of the sides. `ssd_raw`: what
+    TensorFlow's SSD says before that, (1, boxes, 4) of y, x, height, width against its default boxes, and in the output
+    `scores` (1, boxes, classes) of logits."""
     output: str = ""
     """Name of the output; empty: the only one."""
+    scores: str = ""
+    """Name of a second output that holds the scores (`ssd_raw`); empty: they are in the first."""
     size_px: Annotated[int, msgspec.Meta(ge=16, le=4096)] = 640
     """Side of the square picture that goes in, px; ours is fitted into it, grey beside."""
     engine: Literal["classic", "new"] = "classic"
@@ -38,6 +42,9 @@ class DetectorConfig(Section, frozen=True, kw_only=True):
     """Boxes of a lower score are left out."""
     most_overlap: Fraction = 0.6
     """Of two boxes that share more of their area than this (IoU) the better one is kept."""
+    tiles: Annotated[int, msgspec.Meta(ge=0, le=16)] = 0
+    """Beside the whole picture, squares of it are searched, so many along its shorter side, a third of each common with
+    the next: for people who are small in it. Each takes as long as the picture. 0: none."""
 
 
 class WatchConfig(Section, frozen=True, kw_only=True):

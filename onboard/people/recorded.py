@@ -20,6 +20,7 @@ from common.geometry.rotation import as_vec3
 from common.video import FileSource
 from onboard.people.caviar import Box, Boxes, read
 from onboard.people.detector import PersonDetector
+from onboard.people.detector_file import HOW, fetched_detector
 from onboard.people.drawing import draw
 from onboard.people.pipeline import Findings, Found, Frame, PeoplePipeline
 from onboard.people.pipeline_config import PeopleConfig
@@ -148,13 +149,14 @@ def _pipeline(
         none = (0.0, 0.0, 0.0, 0.0, 0.0)
         camera = Camera(source.width, source.height, *intrinsics, none, _UPRIGHT, (0.0, 0.0, 0.0))
     use_depth = source.with_depth and camera is not None and config.use_depth
-    if not use_depth and config.detector is None:
+    wanted = config.detector or (None if use_depth else fetched_detector())
+    if not use_depth and wanted is None:
         why = "the source has no depth" if not source.with_depth else "depth needs --intrinsics FX,FY,CX,CY"
         raise ConfigError(
             f"people: {why if config.use_depth else 'depth is switched off'}, and without a person detector nobody can "
-            "be found; set people.detector.file and people.detector.decoder"
+            f"be found; set people.detector.file and people.detector.decoder, or {HOW}"
         )
-    detector = None if config.detector is None else PersonDetector(config.detector)
+    detector = None if wanted is None else PersonDetector(wanted)
     network = network or pose_network(config.pose_model)
     return PeoplePipeline(config, camera, camera if source.with_depth else None, network, detector)
 

@@ -37,6 +37,7 @@ from common.messages import (
     PreflightItem,
     Reply,
     Request,
+    SearchStatus,
     Session,
     Setpoint,
     Track,
@@ -125,6 +126,7 @@ class Script:
     approach: ApproachTarget | None = None
     members: tuple[MemberBox, ...] = ()
     """Where each of the follower's trackers sees the car; its fused box is the first one's."""
+    search: SearchStatus | None = None
     people: tuple[Person, ...] = ()
     detections: tuple[PersonDetection, ...] = ()
     """Who is in each picture."""
@@ -306,6 +308,8 @@ class ScriptedVehicle:
             self._buses["helm"].publish("helm/limiter", s.limiter)
         if s.approach is not None:
             self._buses["helm"].publish("approach/target", s.approach)
+        if s.search is not None:
+            self._buses["helm"].publish("search/status", s.search)
         if s.people:
             self._buses["people"].publish("people/tracks", People(people=s.people))
         if s.obstacles:

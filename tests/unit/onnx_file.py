@@ -52,23 +52,61 @@ def _node(kind: str, inputs: tuple[str, ...], output: str, attributes: bytes = b
     return _bytes(1, b"".join(_bytes(1, i) for i in inputs) + _bytes(2, output) + _bytes(4, kind) + attributes)
 
 
-def write_red_detector(path: Path, size_px: int, cell_px: int, box_px: tuple[float, float]) -> None:
+def write_red_detector(
+    path: Path, size_px: int, cell_px: int, box_px: tuple[float, float], layout: str = "yolo"
+) -> None:
     """A detector of red: one box of a size for each cell, its score how much redder than green the cell is.
 
-    It takes (1, 3, size, size), RGB, 0 to 1, and gives (1, 5, cells) of centre x, y, width, height and score, as YOLO's
-    heads do: a convolution as large as a cell, the boxes added, the cells in one row.
+    It takes (1, 3, size, size), RGB, 0 to 1: a convolution as large as a cell, the boxes added, the cells in one row.
+    What it gives is laid out as `DetectorConfig.decoder` says: `yolo` (1, 5, cells), `yolo_objectness` (1, cells, 7)
+    whose second class is sure, `ssd` (1, 1, cells, 7) whose class is 1.
     """
     side = size_px // cell_px
-    weights = np.zeros((5, 3, cell_px, cell_px), np.float32)
-    weights[4, 0], weights[4, 1] = 1.0 / cell_px**2, -1.0 / cell_px**2
-    boxes = np.zeros((1, 5, side, side), np.float32)
+    rows, score = {"yolo": (5, 4), "yolo_objectness": (7, 4), "ssd": (7, 2)}[layout]
+    weights = np.zeros((rows, 3, cell_px, cell_px), np.float32)
+    weights[score, 0], weights[score, 1] = 1.0 / cell_px**2, -1.0 / cell_px**2
+    boxes = np.zeros((1, rows, side, side), np.float32)
     middles = (np.arange(side, dtype=np.float32) + 0.5) * cell_px
-    boxes[0, 0], boxes[0, 1] = middles[None, :], middles[:, None]
-    boxes[0, 2], boxes[0, 3] = box_px
+    x, y = np.broadcast_arrays(middles[None, :], middles[:, None])
+    if layout == "ssd":
+        boxes[0, 1] = 1.0
+        corners = (x - box_px[0] / 2, y - box_px[1] / 2, x + box_px[0] / 2, y + box_px[1] / 2)
+        boxes[0, 3:] = np.array(corners) / size_px
+    else:
+        boxes[0, 0], boxes[0, 1], boxes[0, 2], boxes[0, 3] = x, y, *box_px
+        boxes[0, 6:] = 1.0
+    shape = (1, rows, side * side) if layout == "yolo" else (1, side * side, rows)
+    shape = (1, *shape) if layout == "ssd" else shape
     graph = _node("Conv", ("picture", "weights"), "redness", _integers("strides", (cell_px, cell_px)))
-    graph += _node("Add", ("redness", "boxes"), "grid") + _node("Reshape", ("grid", "row"), "found")
+    graph += _node("Add", ("redness", "boxes"), "grid")
+    if layout != "yolo":
+        graph += _node("Transpose", ("grid",), "cells", _integers("perm", (0, 2, 3, 1)))
+    graph += _node("Reshape", ("grid" if layout == "yolo" else "cells", "row"), "found")
     graph += _bytes(2, "red") + _initializer("weights", weights) + _initializer("boxes", boxes)
-    graph += _initializer("row", np.array([1, 5, side * side], np.int64))
+    graph += _initializer("row", np.array(shape, np.int64))
     graph += _bytes(11, _tensor("picture", (1, 3, size_px, size_px)))
-    graph += _bytes(12, _tensor("found", (1, 5, side * side)))
+    graph += _bytes(12, _tensor("found", shape))
+    path.write_bytes(_number(1, 8) + _bytes(7, graph) + _bytes(8, _bytes(1, "") + _number(2, 13)))
+
+
+def write_raw_ssd(path: Path, size_px: int, boxes: int, sure: int) -> None:
+    """A network that finds the same in every picture: default box `sure`, a step right and twice as high, of class 1.
+
+    It has two outputs, `boxes` (1, boxes, 4) and `scores` (1, boxes, 3), as TensorFlow's SSD before its last steps.
+    """
+    encodings, logits = np.zeros((1, boxes, 4), np.float32), np.full((1, boxes, 3), -6.0, np.float32)
+    encodings[0, sure] = (0.0, 1.0, 5.0 * np.log(2.0), 0.0)
+    logits[0, sure, 1] = 2.0
+    graph = b""
+    for name, values in (("boxes", encodings), ("scores", logits)):
+        # The picture's mean times nothing: a network whose outputs do not hang on its input is no network to OpenCV.
+        graph += _node("GlobalAveragePool", ("picture",), f"{name}_mean") + _node(
+            "Conv", (f"{name}_mean", f"{name}_nothing"), f"{name}_zero"
+        )
+        graph += _node("Reshape", (f"{name}_zero", f"{name}_one"), f"{name}_scalar")
+        graph += _node("Add", (f"{name}_values", f"{name}_scalar"), name)
+        graph += _initializer(f"{name}_nothing", np.zeros((1, 3, 1, 1), np.float32))
+        graph += _initializer(f"{name}_one", np.array([1, 1, 1], np.int64)) + _initializer(f"{name}_values", values)
+        graph += _bytes(12, _tensor(name, values.shape))
+    graph += _bytes(2, "ssd") + _bytes(11, _tensor("picture", (1, 3, size_px, size_px)))
     path.write_bytes(_number(1, 8) + _bytes(7, graph) + _bytes(8, _bytes(1, "") + _number(2, 13)))

@@ -8,13 +8,35 @@ import msgspec
 import numpy as np
 import pytest
 
-from common.messages import BONES, JOINTS, Command, People, PeopleDetections, Person, PersonDetection
+from common.messages import (
+    BONES,
+    JOINTS,
+    Command,
+    HelmStatus,
+    People,
+    PeopleDetections,
+    Person,
+    PersonDetection,
+    SearchStatus,
+    Track,
+)
+from ground.console.captions import hint
 from ground.console.commands import APPROACH_PERSON, DISMISS, MERGE, RENAME
 from ground.console.overlay import GREEN, Painter
-from ground.console.people_cards import called, ellipse, faces_html, listed, number_of, people_html, spread_m
+from ground.console.people_cards import (
+    called,
+    ellipse,
+    faces_html,
+    is_interrupted,
+    listed,
+    number_of,
+    people_html,
+    search_html,
+    spread_m,
+)
 from ground.console.people_tab import NOBODY, OrderRefused, order
 from ground.console.pictures import choose_picture, scaled
-from ground.console.snapshot import DETECTIONS, PEOPLE, Picture, Snapshot
+from ground.console.snapshot import DETECTIONS, PEOPLE, SEARCH, STATUS, TRACK, Picture, Snapshot
 
 S = 1_000_000_000
 
@@ -137,3 +159,45 @@ def test_the_picture_that_people_were_found_in_is_shown_with_them() -> None:
     assert choose_picture(pictures, view(detections=elsewhere, detections_capture_ns=3)) is pictures[5]
     nobody = msgspec.structs.replace(found, people=())
     assert choose_picture(pictures, view(detections=nobody, detections_capture_ns=3)) is pictures[5]
+
+
+def test_the_name_of_who_lies_at_the_lower_edge_stands_above_them() -> None:
+    """The last rows are the captions'."""
+
+    def words(y: float) -> tuple[bool, bool]:
+        picture = np.full((200, 200, 3), 90, np.uint8)
+        unsure = tuple((x, y, 0.1) for x, y, _ in detection().joints_px)
+        Painter().person(picture, detection(box_px=(60.0, y, 80.0, 60.0), joints_px=unsure), "Anna", GREEN)
+        changed = (picture != 90).any(axis=(1, 2))
+        return bool(changed[: round(y) - 6].any()), bool(changed[round(y) + 66 :].any())
+
+    assert words(40.0) == (False, True)
+    assert words(110.0) == (True, False)
+
+
+def test_no_box_is_asked_for_over_people() -> None:
+    found = PeopleDetections(camera="down", width=640, height=480, people=(detection(),), with_depth=True)
+    lost = Track(state="lost", x_px=1.0, y_px=1.0, width_px=1.0, height_px=1.0)
+    for detections, words in ((found, ""), (None, "Draw a box around the target")):
+        ages = {TRACK: 10.0, DETECTIONS: 10.0}
+        assert hint(Snapshot(t_ns=0, ages_ms=ages, track=lost, detections=detections)) == words
+
+
+def test_the_search_says_how_far_it_is_and_whether_it_is_flown() -> None:
+    way = ((0.0, 0.0), (0.0, 5.0), (3.0, 5.0), (3.0, 0.0))
+    under_way = SearchStatus(state="searching", way_m=way, next_corner=2, skipped=1)
+
+    def at(state: str, search: SearchStatus | None, age_ms: float = 50.0) -> Snapshot:
+        status = HelmStatus(
+            state=state, source="helm", reason="", streaming=True, mode="OFFBOARD", armed=True, in_air=True,
+            limiter_zone="safe", limiter_distance_m=9.0, request_age_ms=10.0,
+        )  # fmt: skip
+        return Snapshot(t_ns=0, ages_ms={SEARCH: age_ms, STATUS: 50.0}, search=search, status=status)
+
+    flown, held = at("search", under_way), at("hold", under_way)
+    assert "under way" in search_html(flown) and "line 2 of 2, 1 corners left out" in search_html(flown)
+    assert "interrupted" in search_html(held) and is_interrupted(held) and not is_interrupted(flown)
+    ended = at("hold", SearchStatus(state="idle", reason="flown to its <end>"))
+    assert "flown to its &lt;end&gt;" in search_html(ended) and not is_interrupted(ended)
+    old = at("hold", under_way, 9000.0)
+    assert "no word" in search_html(old) and not is_interrupted(old) and "no word" in search_html(at("hold", None))

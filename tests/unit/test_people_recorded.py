@@ -53,6 +53,7 @@ def people(*words: str, sets: tuple[str, ...] = (), monkeypatch: pytest.MonkeyPa
     """Run the command line, with a network that knows whom it sees."""
     args = make_parser().parse_args(["people", *words])
     monkeypatch.setattr(recorded, "pose_network", lambda model: Knower().network)
+    monkeypatch.setattr(recorded, "fetched_detector", lambda: None)
     return run_command(args, load_config(None, sets))
 
 
