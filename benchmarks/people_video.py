@@ -22,7 +22,7 @@ from onboard.people.watch import iou
 
 TUNED_ON = (0, 132, 198, 264, 396, 594)
 """Pictures that the detector's least score, overlap and squares were chosen on: they are left out here."""
-_SAME, _ELSEWHERE, _PARTLY = 0.5, 0.1, 0.2
+_SAME, _LOOSE, _PARTLY, _ELSEWHERE = 0.5, 0.3, 0.2, 0.1
 _QUICK_PICTURES = 3
 
 
@@ -41,7 +41,7 @@ def run(settings: Settings) -> Outcome:
     if settings.quick:
         numbers = np.random.default_rng(settings.seed).choice(numbers, _QUICK_PICTURES, replace=False).tolist()
     detector, finder = PersonDetector(config), PoseFinder(PoseNetwork(blazepose(blazepose_file())))
-    people = regions_on = found_on = twice = things_found = elsewhere = regions = found = 0
+    people = regions_on = found_on = loosely = twice = things_found = elsewhere = regions = found = 0
     times_ms = []
     for number in numbers:
         start = time.process_time()
@@ -53,12 +53,14 @@ def run(settings: Settings) -> Outcome:
         people, regions, found = people + len(persons), regions + len(there), found + len(kept)
         regions_on += _covered(persons, [r.box_px for r in there])
         found_on += _covered(persons, kept)
+        loosely += _covered(persons, kept, _LOOSE)
         twice += sum(max(sum(iou(p, box) >= _PARTLY for box in kept) - 1, 0) for p in persons)
         things_found += _covered(things, kept)
         elsewhere += sum(all(iou(p, box) < _ELSEWHERE for p in persons) for box in kept)
     results = {
         "detector_recall": regions_on / people,
         "found_recall": found_on / people,
+        "found_recall_iou_0.3": loosely / people,
         "found_twice": float(twice),
         "found_on_things": float(things_found),
         "found_elsewhere": float(elsewhere),
@@ -70,9 +72,9 @@ def run(settings: Settings) -> Outcome:
     return Outcome(results, {"name": "none; the paper has no such mode"})
 
 
-def _covered(truths: list[Box], boxes: list[Box]) -> int:
-    """How many of the first have one of the second at half their common area (IoU)."""
-    return sum(any(iou(truth, box) >= _SAME for box in boxes) for truth in truths)
+def _covered(truths: list[Box], boxes: list[Box], least: float = _SAME) -> int:
+    """How many of the first have one of the second that shares so much of the area (IoU)."""
+    return sum(any(iou(truth, box) >= least for box in boxes) for truth in truths)
 
 
 BENCHMARK = Benchmark("people-video", "people without depth: detector, pose and filter on a real video", run)

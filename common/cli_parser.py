@@ -171,23 +171,26 @@ def _seconds(text: str) -> float:
 def _add_demo(sub: argparse._SubParsersAction) -> None:
     demo = sub.add_parser(
         "demo",
-        help="All three sides on this machine: take off and chase the car, or fly at a barrel",
+        help="All three sides on this machine: take off and chase the car, fly at a barrel, or search",
         description="Start simulation, onboard side and ground side, take off, select the car and chase it until "
         "Ctrl-C; with --scenario approach: fly at a barrel by the stick, stop before it, approach it, and leave the "
-        "stick to you. Console on http://localhost:8080.",
+        "stick to you; with --scenario rescue: search an area, find the people there, fly up to the one that you pick. "
+        "Console on http://localhost:8080.",
     )
     demo.add_argument("--headless", action="store_true", help="no console; judge the flight by its exit code")
     demo.add_argument(
         "--duration", type=float, metavar="S", help="chase (or leave the stick to you) so long, then land and end"
     )
     demo.add_argument("--report", metavar="FILE", help="write errors, losses and latencies as JSON")
-    demo.add_argument("--scenario", metavar="FILE", default="chase", help="scenario, such as approach (default: chase)")
+    demo.add_argument(
+        "--scenario", metavar="FILE", default="chase", help="scenario: chase (default), approach, rescue, …"
+    )
     demo.add_argument("--seed", type=int, help="seed of the scenario's randomness")
     demo.add_argument(
         "--autopilot", metavar="URL", help="fly PX4 or another autopilot at this URL instead of the simulated one"
     )
     add_pose(demo)
-    _add_config(demo, default=None, otherwise="the scenario's: kite, or heron for approach")
+    _add_config(demo, default=None, otherwise="the scenario's: kite, heron or osprey")
 
 
 def _add_conformance(sub: argparse._SubParsersAction) -> None:

@@ -16,6 +16,7 @@ from common.geometry.rotation import Array
 from onboard.people.pipeline_config import DetectorConfig
 from onboard.people.pose import Picture
 from onboard.people.regions import Box, Region
+from onboard.people.watch import iou
 
 _GREY = 114
 _LEAST_SIDE_PX = 4
@@ -143,6 +144,8 @@ class PersonDetector:
         height, width = picture.shape[:2]
         found = [self._in_window(picture, window) for window in windows(width, height, config.tiles)]
         boxes, scores = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        if config.merged:
+            boxes, scores = _merged(boxes, scores, config.most_overlap)
         low, high = np.clip(boxes[:, :2], 0, (width, height)), np.clip(boxes[:, 2:], 0, (width, height))
         places = np.round(np.hstack((low, high - low))).astype(int)
         keep = cv2.dnn.NMSBoxes(places.tolist(), scores.tolist(), config.least_score, config.most_overlap)
@@ -177,6 +180,19 @@ class PersonDetector:
             if border != end:
                 cut |= np.abs(boxes[:, column] - border) < margin
         return boxes[~cut], scores[~cut]
+
+
+def _merged(boxes: Array, scores: Array, most_overlap: float) -> tuple[Array, Array]:
+    """For each best box and those that share more than this with it their mean, weighted by the squared scores."""
+    sized = np.hstack((boxes[:, :2], boxes[:, 2:] - boxes[:, :2])).tolist()
+    left, places, best = np.argsort(-scores).tolist(), [], []
+    while left:
+        same = [k for k in left if k == left[0] or iou(sized[left[0]], sized[k]) > most_overlap]
+        weights = scores[same] ** 2
+        places.append(weights @ boxes[same] / weights.sum())
+        best.append(scores[left[0]])
+        left = [k for k in left if k not in same]
+    return np.array(places).reshape(-1, 4), np.array(best)
 
 
 def windows(width: int, height: int, tiles: int) -> list[Box]:

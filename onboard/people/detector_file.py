@@ -39,5 +39,6 @@ def fetched_detector() -> DetectorConfig | None:
         person=4,
         least_score=0.5,
         most_overlap=0.3,
+        merged=True,
         tiles=3,
     )

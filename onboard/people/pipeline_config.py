@@ -42,6 +42,8 @@ class DetectorConfig(Section, frozen=True, kw_only=True):
     """Boxes of a lower score are left out."""
     most_overlap: Fraction = 0.6
     """Of two boxes that share more of their area than this (IoU) the better one is kept."""
+    merged: bool = False
+    """Whether it becomes the mean of both, weighted by the squares of their scores: for boxes that fit loosely."""
     tiles: Annotated[int, msgspec.Meta(ge=0, le=16)] = 0
     """Beside the whole picture, squares of it are searched, so many along its shorter side, a third of each common with
     the next: for people who are small in it. Each takes as long as the picture. 0: none."""

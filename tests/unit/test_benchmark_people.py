@@ -8,7 +8,7 @@ import pytest
 from benchmarks import people_association, people_speed
 from benchmarks.base import Settings
 from benchmarks.people_association import Seen
-from benchmarks.people_pose import Annotated, annotated
+from benchmarks.people_pose import CHECK_BOXES, Annotated, annotated
 from onboard.people.appearance import Look
 from onboard.people.tracks import Detection
 from tests.unit.people_bodies import pose
@@ -58,6 +58,9 @@ def test_identities_are_scored_as_kept_or_lost():
 def test_the_annotations_are_what_the_page_says():
     boxes = annotated()
     assert (sum(b.person for b in boxes), sum(not b.person for b in boxes)) == (59, 110)
+    others = annotated(CHECK_BOXES)
+    assert (sum(b.person for b in others), sum(not b.person for b in others)) == (16, 61)
+    assert not {b.frame for b in others} & {b.frame for b in boxes}
     known = [b for b in boxes if b.identity]
     assert len(known) == 43 and len({b.identity for b in known}) == 7 and all(b.person for b in known)
     assert all(b.x >= 0 and b.y >= 0 and b.x + b.w <= 768 and b.y + b.h <= 576 for b in boxes)

@@ -84,6 +84,8 @@ def test_of_boxes_on_top_of_each_other_the_best_is_kept(config: DetectorConfig):
     assert len(PersonDetector(config).find(picture)) == 2
     tight = msgspec.structs.replace(config, most_overlap=0.4)
     assert len(PersonDetector(tight).find(picture)) == 1
+    (mean,) = PersonDetector(msgspec.structs.replace(tight, merged=True)).find(picture)
+    assert mean.box_px == (46, 28, 20, 40), "between the two, which are equally sure"
 
 
 def test_a_picture_without_red_shows_nobody(config: DetectorConfig):
