@@ -7,8 +7,12 @@ here; in flight each is a process of its own.
 from __future__ import annotations
 
 import math
+import multiprocessing
 import sys
-from collections.abc import Sequence
+import zlib
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -24,33 +28,30 @@ from onboard.fusion.config import HabDfConfig
 PLATFORMS = ("uav", "pan-tilt", "ground")
 _FUSION = "hab-df"
 _UAV_FRAMES, _UAV_QUICK = 7200, 900
-_HEAD_FRAMES, _HEAD_QUICK, _HEAD_RUNS = 900, 210, 5
+_HEAD_FRAMES, _HEAD_QUICK, _HEAD_RUNS, _HEAD_QUICK_RUNS = 900, 210, 5, 2
 _GROUND_M, _GROUND_QUICK_M = 110.0, 7.0
 _PAPER_UAV = {"uav_frames_followed": 7132.0, "uav_frames_best_member": 1738.0, "uav_frames_until_loss_ratio": 4.1}
 _BAR = 24
 
+T = TypeVar("T")
+Part = tuple[Any, ...]
 
-class Progress:
-    """A bar on a terminal, a line for each part elsewhere.
 
-    Args:
-        total: parts.
-    """
-
-    def __init__(self, total: int):
-        self._total, self._done = total, 0
-
-    def part(self, share: float) -> None:
-        """So much of the present part is done."""
-        if sys.stderr.isatty():
-            filled = int(_BAR * (self._done + share) / self._total)
-            print(f"\r[{'#' * filled:{_BAR}}]", end="", file=sys.stderr, flush=True)
-
-    def done(self, text: str) -> None:
-        """The present part is done."""
-        self._done += 1
-        start = "\r" if sys.stderr.isatty() else ""
-        print(f"{start}follow: {self._done} of {self._total}: {text}", file=sys.stderr, flush=True)
+def _both_at_once(work: Callable[..., T], parts: Sequence[Part], report: Callable[[Part, T], str]) -> list[T]:
+    """Result of each part, in their order, computed in two processes; a line or a bar says how far it is."""
+    results: dict[int, T] = {}
+    with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as pool:
+        futures = {pool.submit(work, *part): number for number, part in enumerate(parts)}
+        for done, future in enumerate(as_completed(futures), 1):
+            number = futures[future]
+            results[number] = future.result()
+            text = f"follow: {done} of {len(parts)}: {report(parts[number], results[number])}"
+            if sys.stderr.isatty():
+                bar, end = "#" * (_BAR * done // len(parts)), "\n" if done == len(parts) else ""
+                print(f"\r[{bar:{_BAR}}] {text:80}", end=end, file=sys.stderr, flush=True)
+            else:
+                print(text, file=sys.stderr, flush=True)
+    return [results[number] for number in range(len(parts))]
 
 
 def run(settings: Settings) -> Outcome:
@@ -73,28 +74,29 @@ def run(settings: Settings) -> Outcome:
 
 
 def _names(config: Config) -> tuple[str, ...]:
-    return (*config.section(HabDfConfig).members, _FUSION)
+    return (_FUSION, *config.section(HabDfConfig).members)
 
 
-def _tracker(name: str, config: Config, seed: Sequence[int]) -> Tracker:
-    return make_tracker(name, config, np.random.default_rng(list(seed)))
+def _tracker(name: str, seed: Sequence[int]) -> Tracker:
+    """A tracker with randomness of its own, the same alone in whatever order the parts are done."""
+    return make_tracker(name, load_config(None), np.random.default_rng([*seed, zlib.crc32(name.encode())]))
 
 
 def _word(name: str) -> str:
     return name.replace("-", "_")
 
 
+def _fly(name: str, seed: int, frames: int, dense: bool) -> Score:
+    course = follow_uav.Course(seed, frames, dense)
+    return follow_uav.follow(course, _tracker(name, (seed, 1)), follow_uav.Quadrotor(seed))
+
+
 def _uav(config: Config, settings: Settings) -> dict[str, float]:
     """Frames until each member alone, and the fusion, has lost the person."""
     frames = _UAV_QUICK if settings.quick else _UAV_FRAMES
     names = _names(config)
-    progress = Progress(len(names))
-    scores: dict[str, Score] = {}
-    for number, name in enumerate(names):
-        course = follow_uav.Course(settings.seed, frames, settings.quick)
-        tracker = _tracker(name, config, (settings.seed, number))
-        score = scores[name] = follow_uav.follow(course, tracker, follow_uav.Quadrotor(settings.seed), progress.part)
-        progress.done(f"uav, {name}: {score.followed} of {frames} frames, {score.mean_error_px:.0f} px off the middle")
+    parts = [(name, settings.seed, frames, settings.quick) for name in names]
+    scores = dict(zip(names, _both_at_once(_fly, parts, _flown), strict=True))
     members = {name: score.followed for name, score in scores.items() if name != _FUSION}
     best = max(members.values())
     fused = scores[_FUSION]
@@ -109,27 +111,32 @@ def _uav(config: Config, settings: Settings) -> dict[str, float]:
     }
 
 
+def _flown(part: Part, score: Score) -> str:
+    name, _, frames, _ = part
+    return f"uav, {name}: {score.followed} of {frames} frames, {score.mean_error_px:.0f} px off the middle"
+
+
+def _turn(target: str, name: str, seed: int, frames: int) -> Score:
+    return follow_pan_tilt.follow(follow_pan_tilt.Course(target, seed, frames), _tracker(name, (seed, 2)))
+
+
 def _pan_tilt(config: Config, settings: Settings) -> dict[str, float]:
-    """Five runs with each target: success and frames of each member alone and of the fusion."""
+    """Runs with each target: success and frames of each member alone and of the fusion."""
     frames = _HEAD_QUICK if settings.quick else _HEAD_FRAMES
+    runs = range(_HEAD_QUICK_RUNS if settings.quick else _HEAD_RUNS)
     names = _names(config)
-    progress = Progress(len(follow_pan_tilt.TARGETS) * len(names))
+    parts = [(t, n, settings.seed * 100 + r, frames) for t in follow_pan_tilt.TARGETS for n in names for r in runs]
+    done = _both_at_once(_turn, parts, _turned)
     results: dict[str, float] = {}
     for target in follow_pan_tilt.TARGETS:
         success: dict[str, float] = {}
-        for number, name in enumerate(names):
-            scores = []
-            for run_ in range(_HEAD_RUNS):
-                seed = settings.seed * 100 + run_
-                course = follow_pan_tilt.Course(target, seed, frames)
-                scores.append(follow_pan_tilt.follow(course, _tracker(name, config, (seed, number))))
-                progress.part((run_ + 1) / _HEAD_RUNS)
+        for name in names:
+            scores = [score for part, score in zip(parts, done, strict=True) if part[:2] == (target, name)]
             word = f"pan_tilt_{target}_{{}}_{_word(name)}"
             success[name] = float(np.mean([score.success(frames) for score in scores]))
             results[word.format("success")] = success[name]
             results[word.format("frames")] = float(np.mean([score.followed for score in scores]))
             results[word.format("jaccard")] = float(np.mean([np.mean(s.overlaps) for s in scores]))
-            progress.done(f"pan-tilt, {target}, {name}: success {success[name]:.2f} over {_HEAD_RUNS} runs")
             if name == _FUSION:
                 results[f"pan_tilt_{target}_image_error_px"] = float(np.mean([s.mean_error_px for s in scores]))
         best = max(value for name, value in success.items() if name != _FUSION)
@@ -137,21 +144,24 @@ def _pan_tilt(config: Config, settings: Settings) -> dict[str, float]:
     return results
 
 
+def _turned(part: Part, score: Score) -> str:
+    target, name, _, frames = part
+    return f"pan-tilt, {target}, {name}: success {score.success(frames):.2f}"
+
+
+def _drive(name: str, seed: int, length_m: float) -> tuple[follow_ground.Driven, int]:
+    course = follow_ground.Course(seed, length_m)
+    return follow_ground.follow(course, _tracker(name, (seed, 3)), seed), course.frames
+
+
 def _ground(config: Config, settings: Settings) -> dict[str, float]:
     """Whether the robot follows the bin to the end of its course."""
     length_m = _GROUND_QUICK_M if settings.quick else _GROUND_M
     names = _names(config)
-    progress = Progress(len(names))
+    done = _both_at_once(_drive, [(name, settings.seed, length_m) for name in names], _driven)
     results: dict[str, float] = {"ground_course_m": length_m}
-    for number, name in enumerate(names):
-        course = follow_ground.Course(settings.seed, length_m)
-        tracker = _tracker(name, config, (settings.seed, number))
-        driven = follow_ground.follow(course, tracker, settings.seed, progress.part)
+    for name, (driven, _) in zip(names, done, strict=True):
         completed = float(not driven.score.lost)
-        progress.done(
-            f"ground, {name}: {driven.score.followed} of {course.frames} frames, "
-            f"{driven.distance_error_m:.2f} m off the distance"
-        )
         if name == _FUSION:
             results |= {
                 "ground_completed": completed,
@@ -166,6 +176,11 @@ def _ground(config: Config, settings: Settings) -> dict[str, float]:
     alone = [value for name, value in results.items() if name.startswith("ground_completed_")]
     results["ground_completed_best_member"] = max(alone, default=math.nan)
     return results
+
+
+def _driven(part: Part, done: tuple[follow_ground.Driven, int]) -> str:
+    driven, frames = done
+    return f"ground, {part[0]}: {driven.score.followed} of {frames} frames, {driven.distance_error_m:.2f} m off"
 
 
 BENCHMARK = Benchmark("follow", "UAV, pan-tilt and ground robot after a target: trackers alone, and fused", run)

@@ -20,12 +20,12 @@ from common.geometry.rotation import quat_from_euler, quat_multiply
 
 RATE_HZ = 30.0
 HALF_M = (16.0, 16.0)
-START_M = 4.0
+START_M = 3.0
 KINDS = {
     "turn": 4.0,
     "lean": 3.5,
     "size": 4.0,
-    "screen": 3.0,
+    "screen": 4.0,
     "crossing": 3.0,
     "companion": 6.0,
     "light": 6.0,
@@ -34,7 +34,7 @@ KINDS = {
 }
 """What happens, and how long it lasts, s."""
 _FIRST_S = 3.0
-_PAUSE_S, _DENSE_PAUSE_S = 2.0, 0.5
+_PAUSE_S, _DENSE_PAUSE_S = 1.5, 0.5
 _ASIDE_S = 1.3
 _OPERATORS_TURN_RAD_S = 0.8
 _SHAKE_RAD_S = 2.0 * math.pi * 5.0
@@ -93,7 +93,8 @@ class Walk:
                 until_s = t + rng.uniform(5.0, 10.0)
                 cruise, radius_m = rng.uniform(0.6, 1.2), rng.uniform(7.0, 10.5)
             wanted, spin_rad_s = _wanted(happens, t, cruise)
-            speed += float(np.clip(wanted - speed, -1.5 * dt, 1.5 * dt))
+            quickness = 0.5 if wanted == cruise else 1.5  # nobody hurries without a reason
+            speed += float(np.clip(wanted - speed, -quickness * dt, quickness * dt))
             along = math.atan2(place[1], place[0]) + round_ * math.pi / 2
             inwards = math.atan(0.5 * (float(np.linalg.norm(place)) - radius_m))
             off = math.remainder(along + round_ * inwards - course, 2 * math.pi)
@@ -130,10 +131,10 @@ class Course:
     def __init__(self, seed: int, frames: int, dense: bool = False):
         rng = np.random.default_rng((seed, 71))
         self.frames = frames
-        self.hall = Hall(HALF_M, seed, noise=7.0)
+        self.hall = Hall(HALF_M, seed)
         self._solid, paint = person(rng)
         self._twin, _ = person(rng, paint)
-        self._screen = pillar(rng, 1.0, 2.2)
+        self._screen = pillar(rng, 1.3, 2.2)
         self.events = events(rng, frames / RATE_HZ, dense)
         self._walk = Walk(rng, self.events, frames)
 
@@ -147,7 +148,7 @@ class Course:
         thing = Thing(self._solid, np.array([*place, 0.0]), heading)
         for event, share in self.on(index):
             if event.kind == "lean":
-                thing.lean_rad = event.side * (0.6 + 0.5 * event.strength) * min(1.0, 4.0 * min(share, 1.0 - share))
+                thing.lean_rad = event.side * (0.3 + 0.25 * event.strength) * min(1.0, 4.0 * min(share, 1.0 - share))
         return thing
 
     def others(self, index: int, eye: np.ndarray) -> list[Thing]:
@@ -168,7 +169,7 @@ class Course:
         towards = (eye - target.ned_p_m) * np.array([1.0, 1.0, 0.0])
         away = towards / max(float(np.linalg.norm(towards)), 1e-6)
         across = np.array([-away[1], away[0], 0.0]) * event.side
-        place = target.ned_p_m + (1.0 + 0.4 * event.strength) * away + across * 2.4 * (2 * share - 1)
+        place = target.ned_p_m + (0.8 + 0.3 * event.strength) * away + across * 2.4 * (2 * share - 1)
         solid = self._twin if event.kind == "crossing" else self._screen
         return Thing(solid, place, math.atan2(across[1], across[0]))
 
@@ -192,7 +193,7 @@ class Course:
         for event, share in self.on(index):
             if event.kind == "shake":
                 phase = _SHAKE_RAD_S * (index / RATE_HZ - event.begin_s)
-                size = (0.02 + 0.02 * event.strength) * min(1.0, 4.0 * min(share, 1.0 - share))
+                size = (0.03 + 0.03 * event.strength) * min(1.0, 4.0 * min(share, 1.0 - share))
                 return size * math.sin(phase), size * _SHAKE_RAD_S * math.cos(phase)
         return 0.0, 0.0
 

@@ -7,7 +7,6 @@ of a metre, and moves to the side.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import cv2
@@ -121,9 +120,7 @@ class Driven:
     """Way of the robot, m."""
 
 
-def follow(
-    course: Course, tracker: Tracker, seed: int, progress: Callable[[float], None] = lambda share: None
-) -> Driven:
+def follow(course: Course, tracker: Tracker, seed: int) -> Driven:
     """Follow until the bin is lost, or to the end; each command reaches the wheels a picture later."""
     cv2.setNumThreads(1)
     rng = np.random.default_rng((seed, 80))
@@ -177,7 +174,6 @@ def follow(
         asked = wanted
         errors.append(float(np.linalg.norm(target.ned_p_m[:2] - place)) - _START_M)
         score.note(None if truth is None else truth.box, hidden_share(lens, target, others), box)
-        progress((index + 1) / course.frames)
         if score.lost:
             break
     away = np.array(errors)

@@ -64,6 +64,15 @@ def blotches(rng: np.random.Generator, rows: int, columns: int, base: Sequence[f
     return picture
 
 
+def _print(rng: np.random.Generator, rows: int, around: int) -> np.ndarray:
+    """What is on cloth, (rows, columns, 3), to be added: patches of another tone, some 8 cm large, and finer folds."""
+    picture = blotches(rng, rows, around, (0, 0, 0))
+    for _ in range(60):
+        row, column = int(rng.integers(0, rows - 4)), int(rng.integers(0, around - 8))
+        picture[row : row + int(rng.integers(2, 6)), column : column + int(rng.integers(3, 12))] += rng.uniform(-70, 70)
+    return picture
+
+
 def _stops(stops: Sequence[tuple[float, float]]) -> np.ndarray:
     at, radius = zip(*stops, strict=True)
     return np.interp(np.linspace(0.0, 1.0, ROWS), at, radius)
@@ -98,7 +107,7 @@ def person(rng: np.random.Generator, paint: dict[str, np.ndarray] | None = None)
         surface[row, (angle > 0.25) & (angle < 0.55)] = 20
     surface[55:, angle < 0.12] *= 0.5
     surface[55:, angle > 3.0] *= 0.5
-    surface += blotches(rng, ROWS, around, (0, 0, 0)) * 0.5
+    surface[13:] += _print(rng, ROWS - 13, around)  # clothes have folds, seams and prints
     return Solid(np.clip(surface, 0, 255).astype(np.uint8), _stops((*_PERSON, *_LEGS)), 1.75, 0.65), colours
 
 

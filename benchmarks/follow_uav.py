@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
 
@@ -107,9 +106,7 @@ class Quadrotor:
             self._vehicle.step()
 
 
-def follow(
-    course: Course, tracker: Tracker, quadrotor: Quadrotor, progress: Callable[[float], None] = lambda share: None
-) -> Score:
+def follow(course: Course, tracker: Tracker, quadrotor: Quadrotor) -> Score:
     """Follow the person until he is lost, or to the end.
 
     Each picture's request reaches the vehicle one picture later.
@@ -149,7 +146,6 @@ def follow(
         quadrotor.fly(verdict, begun_ns + round((index + 1) * 1e9 / RATE_HZ))
         verdict = asked
         score.note(None if truth is None else truth.box, hidden_share(lens, target, others), box)
-        progress((index + 1) / course.frames)
         if score.lost:
             break
     return score

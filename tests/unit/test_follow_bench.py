@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from benchmarks import follow_course
 from benchmarks.base import Settings
 from benchmarks.follow import run
 from benchmarks.follow_ground import Course, depth_patch
@@ -64,6 +65,48 @@ def test_the_course_of_the_ground_robot_is_as_long_as_told() -> None:
     steps = np.linalg.norm(np.diff(course.places, axis=0), axis=1)
     assert steps.sum() == pytest.approx(12.0, abs=0.1)
     assert len(course._hidden_from) >= 1, "a full occlusion at least"
+
+
+@pytest.mark.parametrize("seed", [3, 8])
+def test_everything_happens_on_the_uavs_course_and_he_stays_in_the_hall(seed: int) -> None:
+    course = follow_course.Course(seed, 2400)
+    cycle = len(follow_course.KINDS)
+    assert {event.kind for event in course.events[:cycle]} == set(follow_course.KINDS), "each once before any again"
+    begins = [event.begin_s for event in course.events]
+    lengths = [follow_course.KINDS[event.kind] for event in course.events]
+    assert all(b >= a + length for a, b, length in zip(begins, begins[1:], lengths, strict=False)), "one at a time"
+    places = np.array([course.target(index).ned_p_m for index in range(0, 2400, 5)])
+    assert np.abs(places).max() < follow_course.HALF_M[0] - 2.0
+    speeds_m_s = np.linalg.norm(np.diff(places, axis=0), axis=1) * follow_course.RATE_HZ / 5
+    assert speeds_m_s.max() < 3.1 and speeds_m_s.mean() > 0.4
+    again = follow_course.Course(seed, 2400)
+    assert again.events == course.events and (again.target(900).ned_p_m == course.target(900).ned_p_m).all()
+
+
+def test_what_happens_on_the_uavs_course_is_seen() -> None:
+    course = follow_course.Course(3, 2400)
+    eye = np.array([0.0, 0.0, -1.5])
+
+    def middle(kind: str, share: float = 0.5) -> int:
+        event = next(event for event in course.events if event.kind == kind)
+        return round((event.begin_s + share * follow_course.KINDS[kind]) * follow_course.RATE_HZ)
+
+    for kind in ("screen", "crossing"):
+        index = middle(kind)
+        target = course.target(index)
+        away = target.ned_p_m / np.linalg.norm(target.ned_p_m)
+        lens = Lens(EYE, target.ned_p_m - 3.0 * away + eye, quat_from_euler(0.0, 0.0, math.atan2(away[1], away[0])))
+        hidden = hidden_share(lens, target, course.others(index, lens.ned_p_m))
+        assert hidden == 1.0 if kind == "screen" else hidden > 0.6
+    assert abs(course.target(middle("lean")).lean_rad) > 0.29
+    headings = [course.target(middle("turn", share)).heading_rad for share in (0.15, 0.99)]
+    assert abs(headings[1] - headings[0]) == pytest.approx(2 * math.pi, abs=0.35), "once round"
+    assert max(course.light(middle("light"), 0.0).gain) < 0.95
+    assert course.operators_turn_rad_s(middle("aside", 0.2)) in (-0.8, 0.8)
+    assert course.operators_turn_rad_s(middle("aside", 0.8)) is None
+    quiet = np.array([1.0, 0.0, 0.0, 0.0])
+    shaken = [course.shaken(middle("shake") + step, quiet) for step in range(6)]
+    assert max(abs(q[3]) for q in shaken) > 0.005 and (course.shaken(0, quiet) == quiet).all()
 
 
 def test_a_target_counts_as_lost_after_two_seconds() -> None:
