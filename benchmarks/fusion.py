@@ -25,10 +25,10 @@ from common.tracking.base import Box, upright_box
 from common.tracking.registry import make_tracker
 from onboard.fusion.config import HabDfConfig
 
-_FRAMES, _QUICK_FRAMES = 240, 90
+_FRAMES, _QUICK_FRAMES = 240, 80
 _TIE = 0.01
 _VTEST = Path(__file__).parent / "vtest_person.csv"
-_VTEST_QUICK = 120
+_VTEST_QUICK = 80
 _FUSION = "hab-df"
 _VIDEOS = (".mpg", ".mpeg", ".avi", ".mp4", ".mkv")
 

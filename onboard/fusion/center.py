@@ -30,6 +30,8 @@ _SUSPECT = 0.05
 _ALIKE = 0.7
 """Distance of two measurements that count as alike, in switching distances of eq. 4.7: healthy ones of trackers lie as
 far apart."""
+_TYPICAL, _MOST_AGILE = 0.8, 10.0
+"""Mean of eq. 4.3 over the number of components while nothing is wrong; and largest factor on the acceleration."""
 _HANDICAP = 1.5
 """Distance that a voter without any standing is put further away, in switching distances of eq. 4.7."""
 
@@ -82,6 +84,8 @@ class Fusion:
         self._lost = dict.fromkeys(self._experts, False)
         self._vouches = {name: expert.source.vouches for name, expert in self._experts.items()}
         self._standing = dict.fromkeys(self._experts, 1.0)
+        self._followed: set[str] = set()
+        self._agility = 1.0
         self._density = np.zeros(0)
         self._switch = config.vote_lambda / config.vote_slope
         self._config = config
@@ -97,9 +101,16 @@ class Fusion:
         self.outdated = 0
         """Measurements that were older than their source's newest one, and ignored."""
 
-    def forget(self, name: str) -> None:
-        """The source of this name was started anew: what its expert knew of it no longer holds."""
+    def forget(self, name: str, *, follow: bool = False) -> None:
+        """The source of this name was started anew: what its expert knew of it no longer holds.
+
+        Args:
+            name: of the source.
+            follow: whether the answer is to go where it says next, however far that is: somebody vouches for it.
+        """
         self._experts[name].forget()
+        if follow:
+            self._followed.add(name)
         self._lost[name] = False
         self._standing[name] = 1.0
 
@@ -118,7 +129,8 @@ class Fusion:
         self._check(measurements, t_ns, control)
         self._elapsed_s = 0.0 if self._t_ns is None else (t_ns - self._t_ns) * 1e-9
         self._t_ns = t_ns
-        self._density = (self._config.acceleration * self.unit) ** 2
+        self._agility = 1.0 + (self._agility - 1.0) * math.exp(-self._elapsed_s / self._config.agility_memory_s)
+        self._density = (self._config.acceleration * self._agility * self.unit) ** 2
         self._confidence *= math.exp(-self._elapsed_s / self._config.confidence_memory_s)
         opinions = self._hear(measurements, control)
         if self._center is not None:
@@ -161,7 +173,7 @@ class Fusion:
             self._lost[m.source] = m.value is None
             if m.value is not None:
                 value = np.asarray(m.value, float)
-                opinions[m.source] = expert.hear(value, m.t_ns, m.confidence, self.unit, control)
+                opinions[m.source] = expert.hear(value, m.t_ns, m.confidence, self.unit, control, self._agility)
         return opinions
 
     def _judge(self, opinions: Mapping[str, Opinion], t_ns: int) -> dict[str, Judgement]:
@@ -187,21 +199,27 @@ class Fusion:
         return judgements
 
     def _jumped_together(self, opinions: Mapping[str, Opinion]) -> set[str]:
-        """Sources whose measurements are outliers to their own pasts and yet agree with one another.
+        """Sources whose measurements are outliers to their own pasts, or have none, and agree with one another.
 
         Beyond the thesis: what two or more see alike, each sure of itself, is a jump of the target or of the camera,
-        not a fault. Their experts and the centre go on from there.
+        not a fault. Their experts and the centre go on from there, and from a source that is to be followed.
         """
         if not self._config.common_jumps:
             return set()
         outliers = [n for n, o in opinions.items() if o.weight > _SUSPECT and o.sure]
-        jumped = {
-            name
+        witnesses = [n for n, o in opinions.items() if (o.weight > _SUSPECT or o.begins) and o.sure]
+        alike = [
+            {name, other}
             for name in outliers
-            for other in outliers
+            for other in witnesses
             if name != other
             and np.linalg.norm((opinions[name].value - opinions[other].value) / self.unit) < _ALIKE * self._switch
-        }
+        ]
+        # What several saw jump will jump again: a shaken camera, a target that turns on its heel.
+        jumps = [min(opinions[name].mahalanobis for name in pair) / (_TYPICAL * self._size) for pair in alike]
+        self._agility = min(max([self._agility, *jumps]), _MOST_AGILE)
+        jumped = set().union(*alike) | (self._followed & opinions.keys())
+        self._followed -= jumped
         for name in jumped:
             self._experts[name].jump(opinions[name].value)
             self._standing[name] = 1.0

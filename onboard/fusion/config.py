@@ -45,6 +45,8 @@ class FusionConfig(Section, frozen=True, kw_only=True):
     common_jumps: bool = False
     """Whether what two sources see alike, each sure of itself, is believed however far it is from their pasts. For
     vectors of several components alone: two faulty numbers meet by chance far more often than two faulty boxes."""
+    agility_memory_s: Positive = 1.0
+    """Time constant with which the acceleration that such a jump showed is forgotten, s."""
     standing_fall_s: Positive = 0.2
     """Time constant with which a source that agrees with nobody loses its standing, s: agreeing with it counts less."""
     standing_rise_s: Positive = 4.0

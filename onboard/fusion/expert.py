@@ -28,6 +28,8 @@ class Opinion:
     """Δ w_M over ω₀, times its severity: variance that it adds, in fault-free variances."""
     sure: bool
     """Whether the source's own confidence was at its threshold or above."""
+    begins: bool
+    """Whether its source has no past that could foresee it."""
     hesitation: float
     """How near to its threshold it was, 0 to 1: 1 at it or below, 0 clearly above."""
 
@@ -67,7 +69,13 @@ class Expert:
             self.filter.move(value)
 
     def hear(
-        self, value: np.ndarray, t_ns: int, confidence: float, unit: np.ndarray, control: np.ndarray | None = None
+        self,
+        value: np.ndarray,
+        t_ns: int,
+        confidence: float,
+        unit: np.ndarray,
+        control: np.ndarray | None = None,
+        agility: float = 1.0,
     ) -> Opinion:
         """Judge a measurement against the prediction, and take it in with the weight that it deserves.
 
@@ -80,12 +88,13 @@ class Expert:
             confidence: the source's own, 0 to 1.
             unit: size of one unit in the measurement's components, (N,).
             control: known acceleration, (N,), measurement units/s².
+            agility: factor on the acceleration of the model: jumps were seen of late.
         """
         config, base = self._config, self.variance(unit)
         begins = self.filter is None or t_ns - self.filter.t_ns > config.forget_after_s * 1e9
         if self.filter is None or begins:
             self.filter = MotionFilter(value, t_ns, np.sqrt(base), config.start_rate * unit)
-        self.filter.predict(t_ns, (config.acceleration * unit) ** 2, control)
+        self.filter.predict(t_ns, (config.acceleration * agility * unit) ** 2, control)
         distance = mahalanobis(*self.filter.innovation(value, base))
         weight = outlier_weight(distance, config.outlier_zeta / self._switch, config.outlier_zeta)
         penalty = self._delta(confidence) / config.omega_0 * weight
@@ -96,8 +105,9 @@ class Expert:
         if not begins:
             self.filter.update(value, base * (1.0 + penalty))
         return Opinion(
-            value, t_ns, distance, weight, penalty, confidence >= self.source.threshold, self._hesitation(confidence)
-        )
+            value, t_ns, distance, weight, penalty, confidence >= self.source.threshold, begins,
+            self._hesitation(confidence),
+        )  # fmt: skip
 
     def _hesitation(self, confidence: float) -> float:
         above = (confidence - self.source.threshold) / self._config.clearly_above

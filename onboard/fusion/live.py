@@ -140,7 +140,7 @@ class LiveHabDf:
             return Verdict()
         verdict = self._witness.judge(grey, boxes, len(self.pool.members) > 1, self._fused, t_ns)
         for name in verdict.begun:
-            self._fusion.forget(name)
+            self._fusion.forget(name, follow=True)
         return verdict
 
     def _fit(self, width: float, height: float) -> None:

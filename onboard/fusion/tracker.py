@@ -130,7 +130,7 @@ class HabDfTracker:
         boxes = {name: upright_box(answer) for name, answer in self.answers.items() if answer.state == "tracking"}
         verdict = self._witness.judge(grey, boxes, len(self.members) > 1, self.fused, t_ns)
         for name in verdict.begun:
-            self._fusion.forget(name)
+            self._fusion.forget(name, follow=True)
         said = [
             Measurement(name, t_ns, None)
             if name in verdict.silent

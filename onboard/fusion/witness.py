@@ -26,6 +26,8 @@ _UNLIKE, _ALONE_UNLIKE = 0.3, 0.5
 """Relative similarity below which it is doubted in any case, and when the other trackers say that they are lost."""
 _ALONE_THERE_UNLIKE = 0.4
 """The same of one that is alone, and is where the answer was: it has not gone to something else."""
+_SURELY = 0.7
+"""Relative similarity from which a box is the target, though one tracker alone has it."""
 _SAME = 0.5
 """Overlap above which two boxes are the same."""
 _UNDECIDED_S = 0.06
@@ -49,7 +51,7 @@ class Verdict:
     silent: frozenset[str] = frozenset()
     """Trackers that are not heard, since another was chosen to speak."""
     begun: tuple[str, ...] = ()
-    """Trackers whose past no longer holds: one was just chosen, and these agree with it."""
+    """Trackers whose past no longer holds and that are to be followed: one was just chosen, and these agree with it."""
 
 
 class Witness:
@@ -82,7 +84,7 @@ class Witness:
             t_ns: stamp of the picture, ns.
         """
         similar = {name: self.likeness(grey, box) for name, box in boxes.items()}
-        begun = self._choose(similar, boxes, fused, t_ns)
+        begun = self._choose(similar, boxes, fused, t_ns) or _found_alone(similar, boxes, fused if several else None)
         heard = boxes.keys() if self._chosen is None else {self._chosen, *_same_as(self._chosen, boxes)}
         return Verdict(_doubted(similar, boxes, fused if several else None), frozenset(boxes.keys() - heard), begun)
 
@@ -150,6 +152,15 @@ def _doubted(similar: Mapping[str, float], boxes: Mapping[str, Box], fused: Fuse
         least = _ALONE_THERE_UNLIKE if jaccard(box, _box_of(fused)) > _SAME else _ALONE_UNLIKE
     unlike = {n for n, s in similar.items() if s < least or (s < _DOUBTFUL and s < best - _CLEARLY)}
     return frozenset(name for name in unlike if not set(_same_as(name, boxes)) - unlike)
+
+
+def _found_alone(similar: Mapping[str, float], boxes: Mapping[str, Box], fused: Fused | None) -> tuple[str, ...]:
+    """The one tracker that sees the target, where that is elsewhere than the last answer and surely the target."""
+    if len(boxes) != 1 or fused is None:
+        return ()
+    (name,) = boxes
+    elsewhere = jaccard(boxes[name], _box_of(fused)) < _SAME
+    return (name,) if elsewhere and similar[name] >= _SURELY else ()
 
 
 def _box_of(fused: Fused) -> Box:
