@@ -132,6 +132,8 @@ def run(
         f"{pictures} pictures: {people} people in {len(rows)} boxes" + (f"; {broken} not decodable" if broken else ""),
         file=sys.stderr,
     )
+    if not source.with_depth:
+        reasons = {"the source has no depth: places are not known": pictures - broken}
     for reason, count in reasons.items():
         if reason:
             print(f"in {count} pictures: {reason}", file=sys.stderr)

@@ -144,7 +144,7 @@ def test_without_depth_the_detector_is_asked(
     assert people(str(pictures), "--out", str(out), sets=sets, monkeypatch=monkeypatch) == 0
     found = rows(out)
     assert {row[0] for row in found} == {1, 2, 3, 4} and all(row[7:] == [-1, -1, -1] for row in found)
-    assert "no intrinsics of the colour camera" in capsys.readouterr().err
+    assert "in 4 pictures: the source has no depth: places are not known" in capsys.readouterr().err
 
 
 def test_what_cannot_be_used_is_named(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
