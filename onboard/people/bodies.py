@@ -15,22 +15,19 @@ from numpy.typing import NDArray
 from common.geometry.camera import Camera
 from common.geometry.rotation import Array, quat_conjugate, quat_rotate
 from onboard.people.depth import Floats, Ints
-from onboard.people.pose import STANDING_M, Pose
+from onboard.people.pose import BONES, STANDING_M, Pose
 
-BONES = np.array(
-    [
-        *((0, 1), (1, 2), (2, 3), (3, 4), (1, 5), (5, 6), (6, 7), (1, 14)),
-        *((14, 8), (8, 9), (9, 10), (14, 11), (11, 12), (12, 13)),
-    ]
-)
-"""Pairs of joints."""
-_REACH_M, _LOOSE_M = 0.20, 0.35
+REACH_M, _LOOSE_M = 0.20, 0.35
 """How far from the bones a body ends, m: a hand beyond the wrist, a foot; and what hangs on it and ends within the
 larger one is the body's, too."""
 _SHIFTS = 4
 _MOST_SHIFT_M = 0.45
 _LEAST_SHARE = 0.5
 """Share of the area that they had that people must still have where they are expected."""
+_TOP_PERCENT, _LEAST_TOP = 99.0, 0.6
+"""The top of what lies where somebody is expected must be at this share of their height at least."""
+_MORE = 1.05
+"""Whoever lies or sits is taken to have moved only if so many times the points are theirs then."""
 _JOINT_POINTS = 3
 _ARMS_SHARE = 0.55
 """What touches somebody upright above this share of their height are their arms."""
@@ -127,7 +124,13 @@ def body_of(
 
 
 def claims(
-    bodies: Sequence[Body], points_m: Floats, areas_m2: Array, height_m: float, camera: Camera, vehicle: VehiclePose
+    bodies: Sequence[Body],
+    points_m: Floats,
+    heights_m: Floats,
+    areas_m2: Array,
+    height_m: float,
+    camera: Camera,
+    vehicle: VehiclePose,
 ) -> list[Claimed]:
     """Which points each of some bodies takes, with the body moved to where they are; bodies that are not where they are
     expected are left out.
@@ -135,6 +138,7 @@ def claims(
     Args:
         bodies: people known; earlier ones take first.
         points_m: (N, 3) above the floor, in the optical frame, m.
+        heights_m: (N,) of them above the floor, m.
         areas_m2: (N,) what each stands for across the rays, m².
         height_m: of the camera above the floor, m.
         camera: the depth camera.
@@ -148,6 +152,8 @@ def claims(
             continue
         moved, rows = _fitted(body, joints, places, free, height_m, camera)
         if not len(rows) or areas_m2[rows].sum() < _LEAST_SHARE * body.area_m2:
+            continue
+        if np.percentile(heights_m[rows], _TOP_PERCENT) < _LEAST_TOP * body.top_m:
             continue
         free[rows] = False
         shift = vehicle.from_camera(camera, moved) - vehicle.from_camera(camera, joints)
@@ -172,7 +178,7 @@ def hang_on(
     """
     joints = vehicle.into_camera(camera, body.ned_joints_m)
     distances, _ = _from_bones(_flat(points_m, height_m), _flat(joints, height_m))
-    near = distances < _LOOSE_M * _reach(joints, height_m) / _REACH_M
+    near = distances < _LOOSE_M * _reach(joints, height_m) / REACH_M
     if body.top_m > STANDING_M:
         return near | (heights_m > _ARMS_SHARE * body.top_m)
     return np.full(len(near), near.all())
@@ -192,10 +198,14 @@ def _fitted(
             mine = distances < reach
             if not mine.any():
                 break
-            total = total + ways[mine].mean(axis=0) - body.lean_m
+            total = total + _mean_way(distances[mine], ways[mine], reach) - body.lean_m
             if np.linalg.norm(total) > _MOST_SHIFT_M:
                 return joints_m, np.empty(0, np.int32)
     distances, _ = _from_bones(places[around], flat + total)
+    if body.top_m < STANDING_M and total.any():
+        before, _ = _from_bones(places[around], flat)
+        if (distances < reach).sum() < _MORE * (before < reach).sum():
+            total, distances = np.zeros(2), before
     moved = joints_m.copy()
     moved[:, :2] += total * joints_m[:, 2:] / height_m
     return moved, around[distances < reach].astype(np.int32)
@@ -207,13 +217,19 @@ def _flat(points_m: NDArray[np.floating], height_m: float) -> Array:
 
 
 def _reach(joints_m: Array, height_m: float) -> float:
-    return _REACH_M * height_m / float(np.median(joints_m[:, 2]))
+    return REACH_M * height_m / float(np.median(joints_m[:, 2]))
 
 
 def _lean(places: Array, joints: Array, reach: float) -> Array:
     distances, ways = _from_bones(places, joints)
     mine = distances < reach
-    return ways[mine].mean(axis=0) if mine.any() else np.zeros(2)
+    return _mean_way(distances[mine], ways[mine], reach) if mine.any() else np.zeros(2)
+
+
+def _mean_way(distances: Array, ways: Array, reach: float) -> Array:
+    """Mean of the ways (N, 2) from the bones; those at the reach's end, where other things begin, weigh nothing."""
+    weights = 1.0 - (distances / reach) ** 2
+    return weights @ ways / max(float(weights.sum()), 1e-9)
 
 
 def _from_bones(places: Array, joints: Array) -> tuple[Array, Array]:

@@ -122,6 +122,17 @@ class PoseFilterConfig(Section, frozen=True, kw_only=True):
     """Shortest extent of the joints, m; sitting people and those seen from straight above are short."""
     most_body_m: Positive = 2.4
     """Greatest extent, m."""
+    sure_presence: Fraction = 0.98
+    """Presence, …"""
+    sure_confidence: Fraction = 0.88
+    """… mean confidence, …"""
+    sure_height_m: Positive = 0.22
+    """… height, m, …"""
+    sure_body_m: tuple[Positive, Positive] = (0.9, 2.0)
+    """… and extent of the joints, m, that things do not reach together: planks on each other looked like a body at
+    0.975, 0.85 and 0.19 m, debris of 0.6 m beside somebody at 1.0, 0.90 and 0.29 m. Two of three looks at people do."""
+    sure_sitting_m: Positive = 0.5
+    """The least extent, m, of somebody who sits."""
 
 
 class AssociationConfig(Section, frozen=True, kw_only=True):
@@ -139,7 +150,8 @@ class AssociationConfig(Section, frozen=True, kw_only=True):
     same_look: Fraction = 0.95
     """Similarity above which a look is in the gallery already."""
     confirm_hits: Annotated[int, msgspec.Meta(ge=1)] = 2
-    """Pictures in which a person must be seen to be believed."""
+    """Pictures in which a person must be seen to be believed, and what the looks among them must say together: a clear
+    one counts for two, a doubtful one for a half (`evidence`)."""
     provisional_s: Positive = 2.0
     """A person not yet believed who is out of sight for this long is forgotten, s."""
     sight_factor: Fraction = 0.3

@@ -6,13 +6,15 @@ from collections.abc import Iterable
 
 from common.geometry.camera import Camera
 from onboard.people.bodies import Body, VehiclePose, body_of
-from onboard.people.pose import Pose
-from onboard.people.sights import Sight
 from onboard.people.tracks import Track
 from onboard.people.walk import Walks
+from onboard.people.watch import Spot
 
 _IN_SIGHT_S = 0.5
 """Who was seen so lately is followed wherever they go."""
+
+_CLEAR = 2.0
+"""A pose that says so much, in looks, is clear."""
 
 
 class Memory:
@@ -34,22 +36,22 @@ class Memory:
 
         return [body for number, body in self._bodies.items() if stays(number)]
 
-    def see(
-        self, number: int, sight: Sight, camera: Camera | None, vehicle: VehiclePose | None, pose: Pose | None
-    ) -> None:
-        """Note where somebody is in a picture.
+    def see(self, spot: Spot, camera: Camera | None, vehicle: VehiclePose | None, t_ns: int) -> None:
+        """Note where somebody is in a picture. A pose that the colour picture may have cut off is no body to go by,
+        unless it is clear and there is none yet.
 
         Args:
-            number: who.
-            sight: their region.
-            camera: that took it.
+            spot: their region.
+            camera: that took the picture.
             vehicle: where it was then.
-            pose: that was found there; None without a new one. One that is cut off by the picture's edge is no body to
-                go by.
+            t_ns: when.
         """
+        sight, number, pose = spot.sight, spot.number, spot.pose
         if sight.points_m is None or camera is None or vehicle is None:
             return
-        if pose is not None and not sight.region.at_edge:
+        whole = sight.region.cut or not sight.region.at_edge
+        trusted = whole or (spot.evidence >= _CLEAR and number not in self._bodies)
+        if pose is not None and spot.posed_ns == t_ns and trusted:
             size = sight.area_m2, sight.region.height_m or 0.0
             self._bodies[number] = body_of(number, pose, sight.points_m, size, sight.camera_height_m, camera, vehicle)
         elif sight.body is not None and sight.body.number == number:

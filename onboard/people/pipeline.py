@@ -22,10 +22,11 @@ from onboard.people.detector import PersonDetector
 from onboard.people.memory import Memory
 from onboard.people.pipeline_config import PeopleConfig
 from onboard.people.pose import STANDING_M, Picture, Pose, PoseFinder, PoseNetwork
-from onboard.people.pose_filter import pose_refusal
+from onboard.people.pose_filter import evidence, foreshortened_refusal, pose_refusal, same_body
 from onboard.people.regions import Box
 from onboard.people.sights import DepthSearch, Sight
 from onboard.people.tracks import Detection, PeopleTracker, Track
+from onboard.people.trim import trimmed
 from onboard.people.walk import Walks
 from onboard.people.watch import Spot, Watch
 
@@ -33,6 +34,9 @@ _SEEN = 0.6
 """Joints of this confidence are in the picture."""
 _SMOOTHING = 0.2
 """Share of the newest look's duration in what the next one is expected to take."""
+_MOST_OWED = 2.0
+"""Looks that took longer than the budget are made up for, up to so many budgets: a machine that stood still is no
+reason to stop looking."""
 _LEAST_LEFT = 0.5
 """A look is begun when so much of what it is expected to take is left of the budget."""
 
@@ -238,24 +242,39 @@ class PeoplePipeline:
             expected_ms = self._look_ms[known]
             if budget_ms and self._left_ms < _LEAST_LEFT * min(expected_ms, budget_ms):
                 break
-            self._pose_of(spot, frame, with_depth)
+            self._pose_of(spot, spots, frame, with_depth)
             looks += 1
             took_ms = 1e3 * (self._clock() - begun)
-            self._left_ms -= took_ms
+            self._left_ms = max(self._left_ms - took_ms, -_MOST_OWED * budget_ms)
             self._look_ms[known] += (_SMOOTHING if expected_ms else 1.0) * (took_ms - expected_ms)
         return looks
 
-    def _pose_of(self, spot: Spot, frame: Frame, with_depth: bool) -> None:
-        region = spot.sight.region
-        pose = self._finder.find(frame.colour, region, spot.expected(frame.capture_ns))
-        focal_px = None
-        if with_depth and self._colour is not None:
-            focal_px = 0.5 * (self._colour.fx_px + self._colour.fy_px)
-        refusal = pose_refusal(pose, region, self.config.pose_filter, focal_px)
+    def _pose_of(self, spot: Spot, spots: Sequence[Spot], frame: Frame, with_depth: bool) -> None:
+        config, t_ns, colour = self.config.pose_filter, frame.capture_ns, self._colour
+        focal_px = 0.5 * (colour.fx_px + colour.fy_px) if with_depth and colour is not None else None
+
+        def stands(pose: Pose) -> bool:
+            """Whether a pose is that of somebody who stands: from above, another way round would say no more."""
+            if focal_px is None or (spot.sight.region.height_m or 0.0) <= STANDING_M:
+                return False
+            return not foreshortened_refusal(pose, spot.sight.region, config, focal_px)
+
+        pose = self._finder.find(frame.colour, spot.sight.region, spot.expected(t_ns), stands)
+        refusal = pose_refusal(pose, spot.sight.region, config, focal_px)
+        if refusal and colour is not None and pose.presence >= config.sure_presence:
+            part = trimmed(spot.sight, pose, colour, frame.vehicle)
+            if part is not None:
+                again = self._finder.again(frame.colour, pose)
+                if not pose_refusal(again, part.region, config, focal_px):
+                    spot.sight, pose, refusal = part, again, ""
+        others = [other.pose_now(t_ns) for other in spots if other is not spot and self.watch.carries(other, t_ns)]
+        if not refusal and any(other is not None and same_body(pose, other) for other in others):
+            refusal = "the pose of somebody beside"
         if refusal:
-            spot.refused(refusal, frame.capture_ns)
+            spot.refused(refusal, t_ns)
         else:
-            spot.found(pose, look_of(frame.colour, region, pose), frame.capture_ns)
+            says = evidence(pose, spot.sight.region, config, focal_px)
+            spot.found(pose, look_of(frame.colour, spot.sight.region, pose), says, t_ns)
 
     def _identify(self, spots: Sequence[Spot], frame: Frame) -> tuple[Found, ...]:
         """Who is in the picture."""
@@ -278,7 +297,7 @@ class PeoplePipeline:
             if spot.sight.ned_p_m is not None and not spot.sight.region.at_edge:
                 self.walks.add(number, t_ns, spot.sight.ned_p_m)
             fresh = spot.posed_ns == t_ns
-            self._memory.see(number, spot.sight, self._colour, frame.vehicle, pose if fresh else None)
+            self._memory.see(spot, self._colour, frame.vehicle, t_ns)
             # A pose cannot be moved along with a region that is cut anew in every picture.
             placed = fresh or spot.sight.pose is not None or not spot.sight.region.cut or spot.keeps_shape
             if placed and not tracks[number].dismissed:
@@ -310,5 +329,7 @@ def _detection(spot: Spot, t_ns: int) -> Detection:
         sight.ned_p_cov_m2,
         known=spot.number or None,
         fresh=spot.posed_ns == t_ns,
+        evidence=spot.evidence,
+        followed=sight.body is not None and sight.body.number == spot.number,
         whole=not sight.region.cut,
     )

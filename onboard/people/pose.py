@@ -7,6 +7,7 @@ replay test holds the numbers.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -23,6 +24,13 @@ from onboard.people.regions import Region
 
 HEAD, NECK, HIP_R, KNEE_R, ANKLE_R, HIP_L, KNEE_L, ANKLE_L, WAIST = 0, 1, 8, 9, 10, 11, 12, 13, 14
 ANKLES = (ANKLE_R, ANKLE_L)
+BONES = np.array(
+    [
+        *((0, 1), (1, 2), (2, 3), (3, 4), (1, 5), (5, 6), (6, 7), (1, 14)),
+        *((14, 8), (8, 9), (9, 10), (14, 11), (11, 12), (12, 13)),
+    ]
+)
+"""Pairs of joints."""
 
 _FIRST_MARGIN, _MARGIN = 1.3, 1.45
 """Side of the crop over the length of what it shows: of the region, which may lack the soles, and of the joints, which
@@ -226,8 +234,14 @@ class PoseFinder:
     def __init__(self, network: PoseNetwork):
         self.network = network
 
-    def find(self, picture: Picture, region: Region, expected: Pose | None = None) -> Pose:
-        """The pose in a region: upright along its principal axis, the heavier end up, then, unless that is a body
+    def find(
+        self,
+        picture: Picture,
+        region: Region,
+        expected: Pose | None = None,
+        enough: Callable[[Pose], bool] = lambda _: False,
+    ) -> Pose:
+        """The pose in a region: upright along its principal axis, the likelier end up, then, unless that is a body
         beyond doubt, the other way round; the better one once more along the line from its feet to its head, unless the
         first look was upright already.
 
@@ -236,27 +250,19 @@ class PoseFinder:
             region: where to look.
             expected: the pose as it ought to be, where it is known from before: one look there is enough where it finds
                 a body.
+            enough: whether a look needs no other.
         """
-        middle, axis, length = _heavier_end_up(region)
+        middle, axis, length = _likely_end_up(region)
         if expected is not None:
-            # From above there is little between the head and the feet of somebody upright to lay a crop around.
-            upright = region.height_m is not None and region.height_m > STANDING_M
-            pose = (
-                self._at(picture, middle, expected.up, _FIRST_MARGIN * length)
-                if upright
-                else self._along(picture, expected)
-            )
-            if pose.presence >= _SURE and float(pose.up @ expected.up) > _SAME_WAY:
+            pose = self._expected(picture, region, expected, middle, length)
+            if enough(pose) or (pose.presence >= _SURE and float(pose.up @ expected.up) > _SAME_WAY):
                 return pose
         ways = (axis, -axis)
-        first = [self._at(picture, middle, axis, _FIRST_MARGIN * length)]
-        if (
-            first[0].presence >= _SURE
-            and float(first[0].up @ axis) > _UPRIGHT
-            and _rating(first[0], axis, length) > _CLEAR
-        ):
-            return first[0]
-        first.append(self._at(picture, middle, -axis, _FIRST_MARGIN * length))
+        likely = self._at(picture, middle, axis, _FIRST_MARGIN * length)
+        upright = likely.presence >= _SURE and float(likely.up @ axis) > _UPRIGHT
+        if enough(likely) or (upright and _rating(likely, axis, length) > _CLEAR):
+            return likely
+        first = [likely, self._at(picture, middle, -axis, _FIRST_MARGIN * length)]
         rated = sorted(((_rating(pose, way, length), k) for k, (pose, way) in enumerate(zip(first, ways, strict=True))))
         best, index = rated[-1]
         if max(pose.presence for pose in first) < _NOBODY:
@@ -268,12 +274,18 @@ class PoseFinder:
             return first[index]
         looks = [(best, first[index])]
         for k in undecided:
-            pose = self._along(picture, first[k])
+            pose = self.again(picture, first[k])
             looks.append((_rating(pose, first[k].up, length), pose))
         return max(looks, key=lambda look: look[0])[1]
 
-    def _along(self, picture: Picture, pose: Pose) -> Pose:
-        """The pose in a crop upright along the line from the feet to the head, around the joints."""
+    def _expected(self, picture: Picture, region: Region, expected: Pose, middle: Array, length: float) -> Pose:
+        if (region.height_m or 0.0) > STANDING_M:
+            # From above, head and feet are too near each other to lay a crop around them.
+            return self._at(picture, middle, expected.up, _FIRST_MARGIN * length)
+        return self.again(picture, expected)
+
+    def again(self, picture: Picture, pose: Pose) -> Pose:
+        """The pose in a crop upright along the line from the feet to the head of another, around its joints."""
         axes = np.column_stack((pose.up, (-pose.up[1], pose.up[0])))
         places = pose.joints_px @ axes
         low, high = places.min(axis=0), places.max(axis=0)
@@ -285,15 +297,17 @@ class PoseFinder:
         return Pose(joints @ back[:, :2].T + back[:, 2], confidence, presence)
 
 
-def _heavier_end_up(region: Region) -> tuple[Array, Array, float]:
-    """Middle (2,) of a region, px, direction (2,) to the end that more of it lies near, where trunk and head of a body
-    are, and its length, px."""
+def _likely_end_up(region: Region) -> tuple[Array, Array, float]:
+    """Middle (2,) of a region, px, direction (2,) to the end where the head is likely to be, and its length, px: of
+    somebody upright the top, of somebody who lies the end that more of the region, trunk and arms, lies near."""
     start, end = region.axis()
     middle, length = 0.5 * (start + end), float(np.linalg.norm(end - start))
     if length < 1.0:
         return middle, np.array([0.0, 1.0]), 1.0
     axis = (end - start) / length
-    return middle, axis if float((region.middle_px - middle) @ axis) > 0 else -axis, length
+    stands = region.crown is not None and (region.height_m or 0.0) > STANDING_M
+    towards = region.crown.middle_px if stands and region.crown is not None else region.middle_px
+    return middle, axis if float((towards - middle) @ axis) > 0 else -axis, length
 
 
 def _rating(pose: Pose, up: Array, length_px: float) -> float:

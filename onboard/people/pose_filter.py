@@ -9,12 +9,15 @@ import numpy as np
 
 from common.geometry.rotation import Array
 from onboard.people.config import PoseFilterConfig
-from onboard.people.pose import ANKLE_L, ANKLE_R, HEAD, HIP_L, HIP_R, KNEE_L, KNEE_R, NECK, WAIST, Pose
+from onboard.people.pose import ANKLE_L, ANKLE_R, BONES, HEAD, HIP_L, HIP_R, KNEE_L, KNEE_R, NECK, WAIST, Pose
 from onboard.people.regions import Region
 
 _MARGIN = 0.06
 """How far beside its region a joint may lie, as a share of the region's longer side."""
 _SEEN = 0.5
+_SAME, _MOST = 0.1, 0.6
+"""Joints within this share of a body's length of its bones are on it; and the share of all that makes a pose its."""
+_SURE, _FAIR, _DOUBTFUL = 2.0, 1.0, 0.5
 _BELOW_NECK = (HIP_R, KNEE_R, ANKLE_R, HIP_L, KNEE_L, ANKLE_L)
 
 
@@ -79,6 +82,29 @@ def pose_refusal(pose: Pose, region: Region, config: PoseFilterConfig, focal_px:
     return f"{inside:.2f} of the joints on the region, less than {config.least_inside}" if beside else ""
 
 
+def evidence(pose: Pose, region: Region, config: PoseFilterConfig, focal_px: float | None = None) -> float:
+    """How much a pose that was not refused says, in looks: 2 for what things do not reach, a body as long, high and
+    clear as those of people; 1 for somebody upright seen from above; half a look for the rest, which things reach now
+    and then.
+
+    Args:
+        pose: what was found.
+        region: where.
+        config: thresholds.
+        focal_px: of the colour camera, with depth.
+    """
+    clear = pose.presence >= config.sure_presence and float(pose.confidence.mean()) >= config.sure_confidence
+    if focal_px is None or region.camera_p_m is None or region.height_m is None:
+        return _FAIR if clear else _DOUBTFUL
+    if not foreshortened_refusal(pose, region, config, focal_px):
+        return _SURE if clear else _FAIR
+    extent_m = float(np.ptp(pose.joints_px @ pose.up)) * region.camera_p_m[2] / focal_px
+    low, high = config.sure_body_m
+    low = config.sure_sitting_m if region.height_m >= config.least_upright_m else low
+    metric = low <= extent_m <= high and region.height_m >= config.sure_height_m
+    return _SURE if clear and metric else _DOUBTFUL
+
+
 def foreshortened_refusal(pose: Pose, region: Region, config: PoseFilterConfig, focal_px: float) -> str:
     """Why a region with depth does not show somebody upright below the camera, or nothing when it does.
 
@@ -107,6 +133,17 @@ def foreshortened_refusal(pose: Pose, region: Region, config: PoseFilterConfig, 
     if apart_m > config.most_crown_apart_m:
         return f"the head {apart_m:.2f} m from the top"
     return ""
+
+
+def same_body(a: Pose, b: Pose) -> bool:
+    """Whether two poses of one picture are of one body: most joints of the one lie on the bones of the other."""
+    begin, end = b.joints_px[BONES[:, 0]], b.joints_px[BONES[:, 1]]
+    along = end - begin
+    offsets = a.joints_px[:, None] - begin
+    share = np.clip((offsets * along).sum(axis=2) / np.maximum((along**2).sum(axis=1), 1e-9), 0.0, 1.0)
+    apart = np.linalg.norm(offsets - share[..., None] * along, axis=2).min(axis=1)
+    length = max(float(np.ptp(b.joints_px, axis=0).max()), 1.0)
+    return float((apart < _SAME * length).mean()) > _MOST
 
 
 def share_inside(pose: Pose, region: Region) -> float:

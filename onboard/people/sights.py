@@ -115,7 +115,7 @@ class DepthSearch:
         heights = heights[above]
         points, areas = cloud.points_m[above], areas_m2(cloud, above)
         height, camera = floor.camera_height_m, self._table.camera
-        found = claims(bodies, points, areas, height, camera, vehicle)
+        found = claims(bodies, points, heights, areas, height, camera, vehicle)
         touched = [set(labels[claimed.rows].tolist()) - {-1} for claimed in found]
         labels = labels.copy()
         for claimed in found:

@@ -35,6 +35,10 @@ class Detection:
     """Number that unbroken sight of the region suggests; None where it was not seen before."""
     fresh: bool = True
     """Whether pose and look come from this picture. What does not is taken for the person that `known` names."""
+    evidence: float = 1.0
+    """What the pose says, in looks (`pose_filter.evidence`)."""
+    followed: bool = False
+    """Whether what is not fresh was found where the body must be."""
     whole: bool = True
     """Whether the region keeps clear of the picture's edge: the middle of what is cut off lies elsewhere."""
 
@@ -65,6 +69,8 @@ class Track:
     """Whether it is nobody: it keeps its looks, so that it is not taken for somebody new."""
     merged: tuple[int, ...] = ()
     """Numbers that turned out to be this person."""
+    evidence: float = 0.0
+    """What the looks said together."""
 
 
 class PeopleTracker:
@@ -161,6 +167,7 @@ class PeopleTracker:
             number=kept.number,
             confirmed=kept.confirmed or gone.confirmed,
             hits=kept.hits + gone.hits,
+            evidence=kept.evidence + gone.evidence,
             looks=looks,
             first_ns=min(kept.first_ns, gone.first_ns),
             ned_p_m=kept.ned_p_m if newer.ned_p_m is None else newer.ned_p_m,
@@ -184,8 +191,16 @@ class PeopleTracker:
         if track.seen_ns == t_ns:
             return 0
         position, covariance = self._position(track, detection, (t_ns - track.seen_ns) / 1e9)
-        self.tracks[row] = replace(track, seen_ns=t_ns, ned_p_m=position, ned_p_cov_m2=covariance)
+        track = replace(track, seen_ns=t_ns, ned_p_m=position, ned_p_cov_m2=covariance)
+        if detection.followed:
+            track = replace(track, hits=track.hits + 1)
+        self.tracks[row] = self._judged(track)
         return track.number
+
+    def _judged(self, track: Track) -> Track:
+        """Believed once it was seen often enough."""
+        enough = min(float(track.hits), track.evidence) >= self.config.confirm_hits
+        return replace(track, confirmed=track.confirmed or enough)
 
     def _cost(self, track: Track, detection: Detection, t_ns: int, given: Sequence[int]) -> float:
         gap_s = (t_ns - track.seen_ns) / 1e9
@@ -214,18 +229,18 @@ class PeopleTracker:
         return float(np.linalg.norm(detection.ned_p_m - track.ned_p_m)) <= reach
 
     def _seen_again(self, track: Track, detection: Detection, t_ns: int) -> Track:
-        hits = track.hits + 1
         position, covariance = self._position(track, detection, (t_ns - track.seen_ns) / 1e9)
-        return replace(
+        seen = replace(
             track,
-            hits=hits,
-            confirmed=track.confirmed or hits >= self.config.confirm_hits,
+            hits=track.hits + 1,
+            evidence=track.evidence + detection.evidence,
             looks=self._gallery(track.looks, detection.look),
             pose=detection.pose,
             seen_ns=t_ns,
             ned_p_m=position,
             ned_p_cov_m2=covariance,
         )
+        return self._judged(seen)
 
     def _position(self, track: Track, detection: Detection, gap_s: float) -> tuple[Array | None, Array | None]:
         """A person stands or walks: Kalman filter of a random walk."""
@@ -259,7 +274,7 @@ class PeopleTracker:
         self.tracks.append(
             Track(
                 number,
-                self.config.confirm_hits <= 1,
+                self.config.confirm_hits <= min(1.0, detection.evidence),
                 1,
                 (detection.look,),
                 detection.pose,
@@ -267,6 +282,7 @@ class PeopleTracker:
                 t_ns,
                 detection.ned_p_m,
                 detection.ned_p_cov_m2,
+                evidence=detection.evidence,
             )
         )
         return number

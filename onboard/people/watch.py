@@ -22,6 +22,8 @@ from onboard.people.regions import Box
 from onboard.people.sights import Sight
 
 _NEW, _DOUBTED, _RECOGNISED = 1e6, 1e9, 4.0
+_DOUBTS = 2
+"""So many looks in a row that find nobody end the hurry about somebody not believed yet."""
 _PARTLY = 0.25
 """What is new at the picture's edge can wait for what is new and whole."""
 _LYING_M, _LONG_M, _WIDE_M, _HEAD_M2 = 0.6, (1.1, 2.6), 0.25, 0.08
@@ -58,6 +60,8 @@ class Spot:
     """The last pose of a person in it."""
     look: Look | None = None
     """The colours with it."""
+    evidence: float = 0.0
+    """How much that says, in looks."""
     posed: Sight | None = None
     """Where it was then."""
     posed_ns: int = 0
@@ -72,9 +76,10 @@ class Spot:
         anew = self.refusals or self.looks % _FULL_EVERY == 0
         return None if anew else self.pose_now(t_ns)
 
-    def found(self, pose: Pose, look: Look, t_ns: int) -> None:
-        """A look found a person."""
+    def found(self, pose: Pose, look: Look, evidence: float, t_ns: int) -> None:
+        """A look found a person; how much it says, in looks."""
         self._looked(t_ns)
+        self.evidence = evidence
         self.pose, self.look, self.posed, self.posed_ns = pose, look, self.sight, t_ns
         self.refusals, self.refusal = 0, ""
 
@@ -177,7 +182,7 @@ class Watch:
         if spot.refusals and spot.looked.region.at_edge and not spot.sight.region.at_edge:
             return _NEW * (2.0 if likely else 1.0)
         age_s = (t_ns - spot.looked_ns) / 1e9
-        if spot.number and not spot.confirmed and not spot.refusals:
+        if spot.number and not spot.confirmed and spot.refusals < _DOUBTS and not self._follows(spot):
             return _DOUBTED + age_s  # before what is new: one short look, and they are believed
         person = spot.number and self.carries(spot, t_ns)
         changed = self._changed(spot.looked, spot.sight)
@@ -187,6 +192,11 @@ class Watch:
             return 1.0 + age_s / self.config.refresh_s if changed else age_s / self.config.refresh_s
         wait_s = self.config.again_s * _LONGER ** (0 if changed else min(spot.refusals - 1, 10))
         return age_s / min(wait_s * (_LIKELY_WAIT if likely else 1.0), self.config.again_most_s)
+
+    @staticmethod
+    def _follows(spot: Spot) -> bool:
+        """Whether the next picture alone will tell that somebody is to be believed."""
+        return spot.evidence >= 2.0 and spot.sight.body is not None
 
     def _changed(self, before: Sight, now: Sight) -> bool:
         config, share = self.config, self.config.changed_share
