@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from benchmarks.approach_flight import Simulated, fly
 from common.messages import Obstacle, Vec3
 from onboard.limiter.config import LimiterConfig
 from onboard.limiter.law import stoppable
@@ -87,3 +88,39 @@ def test_what_comes_nearer_is_given_way_to_and_only_as_far_as_allowed():
     limited = limit((0.0, 0.0, 0.0), walker, LimiterConfig())
     assert limited.ned_v_m_s == pytest.approx((-0.5, 0.0, 0.0), abs=0.02) and limited.why == "push-back"
     assert limit((0.0, 0.0, 0.0), walker, LimiterConfig(push_back_m_s=0.0)).ned_v_m_s == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("place_m", [(3.36, 2.33), (2.79, 2.01), (2.26, 1.72)])
+def test_who_comes_slantwise_is_given_way_to_across_his_way_and_not_along_it(place_m: tuple[float, float]):
+    """Three moments of an encounter in which the vehicle once slid along until it was caught up with."""
+    place, walk, size = np.array(place_m), np.array([-0.58, -0.62]), math.hypot(*place_m)
+    direction = (place_m[0] / size, place_m[1] / size, 0.0)
+    walker = of_obstacles([Obstacle(distance_m=size, ned_direction=direction, ned_v_m_s=(-0.58, -0.62, 0.0))])
+    passing = place - (place @ walk) / (walk @ walk) * walk
+    assert 0.4 < np.linalg.norm(passing) < 0.9, "he would pass too near, and on this side"
+    v = np.array(limit((0.5, 0.0, 0.0), walker, LimiterConfig()).ned_v_m_s[:2])
+    assert v @ passing / np.linalg.norm(passing) < -0.2
+
+
+def test_without_push_back_a_vehicle_brakes_while_it_closes_in_and_never_backs_away():
+    config = LimiterConfig(push_back_m_s=0.0)
+    wall = of_obstacles([Obstacle(distance_m=1.3, ned_direction=(1.0, 0.0, 0.0))])
+
+    def north(flown_m_s: float, asked_m_s: float = 2.0, at: Surroundings = wall) -> float:
+        return limit((asked_m_s, 0.0, 0.0), at, config, ned_vehicle_v_m_s=(flown_m_s, 0.0, 0.0)).ned_v_m_s[0]
+
+    assert -2.5 <= north(0.6) < -0.3
+    assert north(0.0) == north(-0.3) == 0.0
+    drifted = of_obstacles([Obstacle(distance_m=0.95, ned_direction=(1.0, 0.0, 0.0))])
+    assert north(0.0, at=drifted) == pytest.approx(-0.05, rel=0.05), "back to h_min and the margin, slowly"
+    assert -0.01 <= north(0.0, 0.02, at=drifted) < -0.005
+    assert north(0.0, 0.0, at=drifted) == 0.0, "only against a stick that pushes in"
+
+
+def test_a_stick_held_at_a_wall_without_push_back_never_leads_within_h_min():
+    """With PX4's default drag, whose velocity loop holds on to what it has learnt, and an estimate that errs."""
+    config = LimiterConfig(push_back_m_s=0.0)
+    flight = fly(Simulated(1.0, 207), config, 2.1, 32.0, 207, start_m=16.0)
+    assert flight.speed_m_s.max() > 1.5
+    assert flight.distance_m.min() >= config.h_min_m
+    assert flight.distance_m[-1] <= config.h_desired_m
