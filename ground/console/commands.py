@@ -65,11 +65,11 @@ APPROACH_PERSON = Action(
     in_turn=True,
 )
 SEARCH_AREA = Action(
-    "Search the area", ("search/do/start", "helm/do/search"), Icon.ROUTE, ButtonLook(height_px=34), in_turn=True
+    "Search area", ("search/do/start", "helm/do/search"), Icon.ROUTE, ButtonLook(height_px=34), in_turn=True
 )
-RESUME_SEARCH = Action("Search the area", ("helm/do/search",), Icon.ROUTE)
+RESUME_SEARCH = Action("Search area", ("helm/do/search",), Icon.ROUTE)
 # First the vehicle stands, then there is no way: the other way round it would ask for nothing while it is obeyed.
-STOP_SEARCH = Action("Stop the search", ("helm/do/hold", "search/do/stop"), Icon.ROUTE_OFF, ButtonLook(height_px=34))
+STOP_SEARCH = Action("Stop search", ("helm/do/hold", "search/do/stop"), Icon.ROUTE_OFF, ButtonLook(height_px=34))
 RENAME = Action("Rename", ("people/do/rename",), Icon.PENCIL, ButtonLook(wide=True, height_px=34))
 MERGE = Action("Merge", ("people/do/merge",), Icon.USERS, ButtonLook(wide=True, height_px=34))
 DISMISS = Action("Dismiss", ("people/do/dismiss",), Icon.USER_OFF, ButtonLook(height_px=34))

@@ -58,14 +58,14 @@ def test_found_people_are_seen_listed_and_ordered_about(view: View, vehicle: Scr
         assert (given.label, given.name, given.into) == (expected.label, expected.name, expected.into)
 
     vehicle.script.search = SearchStatus(state="idle", reason="nothing was searched yet")
-    press("Search the area", Command(), "search/do/start", "helm/do/search")
+    press("Search area", Command(), "search/do/start", "helm/do/search")
     way = ((0.0, 0.0), (0.0, 9.0), (4.0, 9.0), (4.0, 0.0))
     vehicle.script.search = SearchStatus(state="searching", way_m=way, next_corner=2)
     view.wait_text("interrupted, line 2 of 2")
-    press("Search the area", Command(), "helm/do/search")
+    press("Search area", Command(), "helm/do/search")
     vehicle.script.state = "search"
     view.wait_text("under way, line 2 of 2")
-    press("Stop the search", Command(), "helm/do/hold", "search/do/stop")
+    press("Stop search", Command(), "helm/do/hold", "search/do/stop")
 
     view.choose("Person", "person 2")
     press("Approach this one", Command(label="person 2"), "approach/do/select", "helm/do/approach")
