@@ -36,13 +36,10 @@ _CLEAR = 0.8
 """Confidence in a picture whose angle is believed even if the target's lines do not show."""
 _DOUBTFUL_RAD = 1.0
 """Standard deviation of an angle that is not believed."""
-_FOUND_FACTOR = 1.1
-"""Largest distance of what a search finds, over that of a healthy picture."""
+_FOUND_FACTOR, _RELIT_FACTOR = 1.3, 1.1
+"""Largest distance of what a search finds, over that of a healthy picture, in the light in force and under another."""
 _FOUND_FLOOR = 0.4
-"""Lower bound of that: noise, sampling and a turn reach 0.3 on a target in full view …"""
-_FOUND_BELOW = 0.02
-"""… and, in the light that it left in, so far below the lower bound of d_lim: at the picture's edge a car shows its
-sides."""
+"""Lower bound of that: noise, sampling and a turn reach 0.3 on a target in full view."""
 _PROBATION = 12
 """Pictures in which what a search found must be seen before it is trusted."""
 
@@ -235,8 +232,8 @@ class ParticleFilterTracker:
 
     def _found_limit(self, relit: bool) -> float:
         """Largest distance of a place that a search may start on: the best of so many has to look as it used to."""
-        floor = _FOUND_FLOOR if relit else max(_FOUND_FLOOR, self._config.limit_floor - _FOUND_BELOW)
-        return min(self._limit, max(floor, _FOUND_FACTOR * self._healthy_distance))
+        factor = _RELIT_FACTOR if relit else _FOUND_FACTOR
+        return min(self._limit, max(_FOUND_FLOOR, factor * self._healthy_distance))
 
     def _new_motion(self, state: np.ndarray) -> ConstantVelocity:
         config = self._config
