@@ -63,7 +63,17 @@ class ConsoleConfig(Section, frozen=True, kw_only=True):
     """Time span of the error plot, s."""
     trail_s: NonNegative = 120.0
     """Time span of the flown path in the 3-D view, s."""
-    nodes: tuple[str, ...] = ("camera", "proximity", "people", "approach", "helm", "pursuit", "recorder", "world")
+    nodes: tuple[str, ...] = (
+        "camera",
+        "proximity",
+        "people",
+        "approach",
+        "follow",
+        "helm",
+        "pursuit",
+        "recorder",
+        "world",
+    )
     """Nodes whose life and health are shown."""
     essential_nodes: tuple[str, ...] = ("camera", "helm", "pursuit")
     """Nodes whose absence is an alarm."""

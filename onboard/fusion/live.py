@@ -15,7 +15,7 @@ from onboard.fusion.center import Fused, Fusion
 from onboard.fusion.config import FusionConfig
 from onboard.fusion.members import Answer, Ask, MemberPool
 from onboard.fusion.source import Measurement
-from onboard.fusion.tracker import measurement_of, source_of
+from onboard.fusion.tracker import may_move, measurement_of, source_of
 from onboard.fusion.witness import Verdict, Witness
 
 log = logging.getLogger(__name__)
@@ -163,15 +163,26 @@ class LiveHabDf:
             check_box(frame, box, 0.0)
         except ValueError:
             return  # the box leaves the picture: there is nothing to start on yet
+        boxes, inside = self.member_boxes(t_ns), whole(box, frame.shape)
+
+        def movable(name: str) -> bool:
+            # Trackers that shrink onto what the edge leaves of the target agree there against the one that does not.
+            return boxes[name] is None or (inside and may_move(True, fused))
+
         for name, member in self.pool.members.items():
             recent = t_ns - self._wanted.get(name, -(10**18)) < 1e9 * self._config.restart_every_s
             if not member.started:
                 if member.ask(Ask("init", t_ns, frame.shape, box), frame):
                     self._fusion.forget(name)
-            elif recent and member.ask(Ask("place", t_ns, frame.shape, box), frame):
+            elif recent and movable(name) and member.ask(Ask("place", t_ns, frame.shape, box), frame):
                 del self._wanted[name]
                 self._fusion.forget(name)
 
     def close(self) -> None:
         """End the trackers."""
         self.pool.close()
+
+
+def whole(box: Box, shape: tuple[int, ...]) -> bool:
+    """Whether a box lies inside a picture of this shape without touching its edge."""
+    return min(box[:2]) > 0.0 and box[0] + box[2] < shape[1] and box[1] + box[3] < shape[0]

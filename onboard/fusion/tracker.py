@@ -157,8 +157,8 @@ class HabDfTracker:
     def _restart(self, frame: np.ndarray, box: Box, fused: Fused, t_ns: int) -> None:
         """Put drifted members on the fused answer; one that keeps what it has learned is only moved there."""
         for name in fused.restart:
-            if self.answers[name].state == "tracking" and not agreed(fused):
-                continue  # it is as sure as the one that it would be made to follow
+            if not may_move(self.answers[name].state == "tracking", fused):
+                continue
             member = self.members[name]
             try:
                 if isinstance(member, Placeable):
@@ -169,6 +169,14 @@ class HabDfTracker:
                 continue  # the box leaves the picture: there is nothing to start on yet
             if self._fusion is not None:
                 self._fusion.forget(name)
+
+
+def may_move(sees: bool, fused: Fused) -> bool:
+    """Whether a tracker that has drifted may be put on the fused answer.
+
+    One that sees a target itself is as sure as a single other that it would be made to follow.
+    """
+    return not sees or agreed(fused)
 
 
 def source_of(name: str) -> Source:
