@@ -65,7 +65,8 @@ def upright_around(box: Box, angle_rad: float) -> Box:
     x, y, width, height = box
     cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
     across, down = math.hypot(width * cosine, height * sine), math.hypot(width * sine, height * cosine)
-    return x + (width - across) / 2, y + (height - down) / 2, across, down
+    left, top = x + (width - across) / 2, y + (height - down) / 2
+    return float(left), float(top), across, down  # messages take no NumPy numbers
 
 
 def upright_box(result: TrackResult) -> Box:

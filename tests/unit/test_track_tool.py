@@ -146,6 +146,12 @@ def test_upright_box_encloses_the_ellipse(angle_deg: float, expected: tuple[floa
     assert (x + width / 2, y + height / 2) == pytest.approx((100.0, 50.0))
 
 
+def test_upright_box_is_of_plain_numbers_whatever_the_tracker_computes_with() -> None:
+    centre, size = np.array([50.0, 40.0]), np.array([20.0, 10.0])
+    result = TrackResult((centre[0], centre[1]), (size[0], size[1]), np.float64(0.1), 1.0, 0.5, "tracking", 0.0)
+    assert [type(value) for value in upright_box(result)] == [float] * 4
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
