@@ -14,7 +14,8 @@ SHELL := /bin/bash
 
 PYTHON := .venv/bin/python
 PYTEST := $(PYTHON) -m pytest
-# Beside each other, which two cores bear: tests/conftest.py says what stays together, and what needs the machine alone.
+# Beside each other, which two cores bear: tests/conftest.py says what stays together, and what needs the machine alone
+# (the flights before the browser, which draws on both cores until the end).
 BESIDE := -n 5 --dist loadfile --no-loadscope-reorder
 SETUP_FILES := pyproject.toml constraints.txt scripts/setup.sh
 # More for one command: make demo ARGS="--headless --duration 120"
@@ -34,7 +35,7 @@ demo: .venv/.ready-run
 
 test: .venv/.ready-test
 	$(PYTEST) $(BESIDE) -m "not alone"
-	$(PYTEST) -m alone
+	$(PYTEST) tests/system tests/browser -m alone
 
 fast: .venv/.ready-dev
 	$(PYTEST) $(BESIDE) tests/unit tests/property -m "not slow" $(ARGS)
