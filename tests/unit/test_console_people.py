@@ -12,7 +12,6 @@ from common.messages import (
     BONES,
     JOINTS,
     Command,
-    HelmStatus,
     People,
     PeopleDetections,
     Person,
@@ -37,6 +36,7 @@ from ground.console.people_cards import (
 from ground.console.people_tab import NOBODY, OrderRefused, order
 from ground.console.pictures import choose_picture, scaled
 from ground.console.snapshot import DETECTIONS, PEOPLE, SEARCH, STATUS, TRACK, Picture, Snapshot
+from tests.flying import helm_status
 
 S = 1_000_000_000
 
@@ -188,10 +188,7 @@ def test_the_search_says_how_far_it_is_and_whether_it_is_flown() -> None:
     under_way = SearchStatus(state="searching", way_m=way, next_corner=2, skipped=1)
 
     def at(state: str, search: SearchStatus | None, age_ms: float = 50.0) -> Snapshot:
-        status = HelmStatus(
-            state=state, source="helm", reason="", streaming=True, mode="OFFBOARD", armed=True, in_air=True,
-            limiter_zone="safe", limiter_distance_m=9.0, request_age_ms=10.0,
-        )  # fmt: skip
+        status = helm_status(state, source="helm")
         return Snapshot(t_ns=0, ages_ms={SEARCH: age_ms, STATUS: 50.0}, search=search, status=status)
 
     flown, held = at("search", under_way), at("hold", under_way)

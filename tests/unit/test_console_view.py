@@ -35,7 +35,7 @@ from ground.console.page import next_actions
 from ground.console.plot import ErrorHistory
 from ground.console.snapshot import APPROACH, FOLLOWED, STATE, STATUS, TRACK, Snapshot, picture_topic
 from ground.console.target import bearing_rad, ground_point_m, pixels_of, point_on_ray
-from tests.flying import flying
+from tests.flying import flying, helm_status
 
 CONFIG = ConsoleConfig()
 PICTURE = picture_topic("down")
@@ -43,18 +43,7 @@ FRONT = picture_topic("front")
 MS = 1_000_000
 JPEG = b"\xff\xd8 pixels \xff\xd9"
 STATE_NOW = flying(ned_p_m=(3.0, 4.0, -5.0), battery_fraction=0.8)
-STATUS_NOW = HelmStatus(
-    state="hold",
-    source="helm",
-    reason="hovering",
-    streaming=True,
-    mode="OFFBOARD",
-    armed=True,
-    in_air=True,
-    limiter_zone="safe",
-    limiter_distance_m=8.0,
-    request_age_ms=40.0,
-)
+STATUS_NOW = helm_status("hold", source="helm", reason="hovering", limiter_distance_m=8.0, request_age_ms=40.0)
 ALIVE = {"camera": 1, "helm": 1, "pursuit": 1}
 
 

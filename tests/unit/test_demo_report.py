@@ -9,11 +9,12 @@ import pytest
 
 from common.codec import schema_hash
 from common.header import Header, InputRef, Received
-from common.messages import HelmStatus, Message, Setpoint, Track
+from common.messages import Message, Setpoint, Track
 from common.truth import Truth
 from simulation.demo.approach import faults as approach_faults
 from simulation.demo.mission import box_of_corners
 from simulation.demo.report import REQUEST, ChaseRecorder, Criteria
+from tests.flying import helm_status
 
 MS = 1_000_000
 
@@ -34,21 +35,6 @@ def _truth(north_m: float = 0.0, height_m: float = 5.0, car_heading_rad: float =
     )
 
 
-def _status(state: str) -> HelmStatus:
-    return HelmStatus(
-        state=state,
-        source="pursuit",
-        reason="",
-        streaming=True,
-        mode="OFFBOARD",
-        armed=True,
-        in_air=True,
-        limiter_zone="safe",
-        limiter_distance_m=-1.0,
-        request_age_ms=10.0,
-    )
-
-
 def _chase(states: str, error_m: float = 0.3, height_m: float = 5.0) -> ChaseRecorder:
     """A chase at 10 Hz: `t` tracking, `l` lost."""
     recorder = ChaseRecorder(active=True, selections=1)
@@ -56,7 +42,7 @@ def _chase(states: str, error_m: float = 0.3, height_m: float = 5.0) -> ChaseRec
         t_ns = index * 100 * MS
         recorder.on_track(_received(Track(state="tracking" if letter == "t" else "lost"), t_ns))
         recorder.on_truth(_received(_truth(error_m, height_m), t_ns))
-        recorder.on_status(_received(_status("pursuit"), t_ns))
+        recorder.on_status(_received(helm_status("pursuit", source="pursuit"), t_ns))
     return recorder
 
 
@@ -96,7 +82,7 @@ def test_bad_chase_does_not_hold(recorder: ChaseRecorder, word: str) -> None:
 def test_second_selection_and_stray_state_are_faults() -> None:
     recorder = _chase("t" * 50)
     recorder.selections = 2
-    recorder.on_status(_received(_status("yielded"), 0))
+    recorder.on_status(_received(helm_status("yielded", source="pursuit"), 0))
     text = "; ".join(recorder.faults(Criteria()))
     assert "chosen 2 times" in text
     assert "yielded" in text
@@ -115,7 +101,7 @@ def test_latency_is_from_capture_to_sent() -> None:
 def test_nothing_is_collected_before_the_chase() -> None:
     recorder = ChaseRecorder()
     recorder.on_truth(_received(_truth(9.0), 0))
-    recorder.on_status(_received(_status("standby"), 0))
+    recorder.on_status(_received(helm_status("standby", source="pursuit"), 0))
     assert recorder.errors_m == []
     assert recorder.helm_states == []
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from benchmarks.painted_scene import Pose, Scene, straight
-from common.messages import Command, FollowMembers, HelmStatus, Image, Request, Track
+from common.messages import Command, FollowMembers, Image, Request, Track
 from common.node import Output, ScriptedRun
 from common.processes import load_config
 from onboard.follow.node import FollowNode
-from tests.flying import flying
+from tests.flying import flying, helm_status
 
 S = 1_000_000_000
 SETTINGS = ('hab_df.members=["dsst"]', "follow.answer_within_s=2.0", "follow.frozen_after_s=20.0")
@@ -77,7 +77,7 @@ def test_what_was_chosen_is_followed_until_it_is_away_for_long() -> None:
         asked = rig.requests(30)
         assert len(asked) >= 28, "from the second picture on"
         # 60 px/s to the right at 4.7 m above the target's top, 440 px focal length: 0.64 m/s east.
-        rig.run.feed("helm/status", _status("follow"), rig.t_ns)
+        rig.run.feed("helm/status", helm_status("follow"), rig.t_ns)
         asked = rig.requests(30)
         east_m_s = 60.0 / 440.0 * 4.65
         assert asked[-1].vector[1] > east_m_s - 0.1, "as fast as the car, and what it takes to come above it"
@@ -121,21 +121,6 @@ def _chase(rig: Rig, aside_px: float = 0.0) -> None:
         state="tracking", x_px=x + width / 2, y_px=y + height / 2 + aside_px, width_px=width, height_px=height
     )
     rig.run.feed("pursuit/track", track, rig.t_ns)
-
-
-def _status(source: str) -> HelmStatus:
-    return HelmStatus(
-        state=source,
-        source=source,
-        reason="",
-        streaming=True,
-        mode="OFFBOARD",
-        armed=True,
-        in_air=True,
-        limiter_zone="safe",
-        limiter_distance_m=-1.0,
-        request_age_ms=0.0,
-    )
 
 
 def test_a_depth_picture_belongs_to_its_moment() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from common.config import ConfigError, build
 from common.geometry.rotation import as_quat, quat_from_euler, wrap_angle
-from common.messages import Command, HelmStatus, Reply, Request, SearchStatus, VehicleState
+from common.messages import Command, Reply, Request, SearchStatus, VehicleState
 from common.node import ScriptedRun
 from common.processes import load_config
 from onboard.limiter.volume import inside
@@ -18,6 +18,7 @@ from onboard.search.config import SearchConfig
 from onboard.search.law import along
 from onboard.search.node import SearchNode
 from onboard.search.sweep import length_m, sweep
+from tests.flying import helm_status
 
 S = 1_000_000_000
 AREA = ((-4.0, -6.0), (-4.0, 6.0), (4.0, 6.0), (4.0, -6.0))
@@ -109,7 +110,7 @@ class Vehicle:
             VehicleState(ned_p_m=(north, east, down), ned_q_body=q, mode="OFFBOARD", battery_fraction=0.9, **state),
             self.t_ns,
         )
-        self.run.feed("helm/status", _helm("search" if self.obeyed else "approach"), self.t_ns)
+        self.run.feed("helm/status", helm_status("search" if self.obeyed else "approach"), self.t_ns)
 
     def take(self, message: Any) -> None:
         if isinstance(message, SearchStatus):
@@ -130,21 +131,6 @@ class Vehicle:
             assert any(isinstance(output.message, Request) for output in outputs), "helm has it before the reply"
             self.fly(0.05)
         return call.answer
-
-
-def _helm(state: str) -> HelmStatus:
-    return HelmStatus(
-        state=state,
-        source="search",
-        reason="",
-        streaming=True,
-        mode="OFFBOARD",
-        armed=True,
-        in_air=True,
-        limiter_zone="safe",
-        limiter_distance_m=-1.0,
-        request_age_ms=10.0,
-    )
 
 
 def _text(area: tuple) -> str:
