@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from common.config import Config
-from common.track_tool import COLUMNS, NAMES, Film, Row, TrackJob, opened, progress, rows
+from common.track_tool import COLUMNS, NAMES, Film, Row, TrackJob, begun, opened, progress, rows
 from common.tracking.registry import tracker_class
 from common.video import FileSource
 
@@ -41,15 +41,16 @@ def run(job: TrackJob, config: Config, out: str | None, video: str | None) -> in
         for source in sources.values():
             stack.callback(source.close)
         first = sources[FUSION]
+        runs = [rows(replace(job, tracker=name), config, source) for name, source in sources.items()]
+        lines = begun(zip(*runs, strict=True))
         sink = stack.enter_context(opened(out)) if out else sys.stdout
         film = Film(video, first, job.rate_hz) if video else None
         if film is not None:
             stack.callback(film.close)
         writer = csv.writer(sink, lineterminator="\n")
         writer.writerow(("tracker", *COLUMNS))
-        runs = [rows(replace(job, tracker=name), config, source) for name, source in sources.items()]
         count = 0
-        for answers in zip(*runs, strict=True):
+        for answers in lines:
             count += 1
             for name, (row, _) in zip(trackers, answers, strict=True):
                 writer.writerow((name, *row.cells()))

@@ -5,11 +5,12 @@ from __future__ import annotations
 import csv
 import math
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
+from itertools import chain, islice
 from pathlib import Path
-from typing import Literal, TextIO
+from typing import Literal, TextIO, TypeVar
 
 import cv2
 import numpy as np
@@ -20,6 +21,7 @@ from common.tracking.model_picture import read_model
 from common.tracking.registry import TRACKERS, make_tracker
 from common.video import FileSource
 
+Line = TypeVar("Line")
 State = Literal["tracking", "lost", "reacquired"]
 COLUMNS = ("frame", "x", "y", "w", "h", "angle_deg", "score", "state")
 NAMES = {"pursuit": "particle_filter", **{name: name for name in TRACKERS if name != "particle_filter"}}
@@ -115,6 +117,12 @@ def rows(job: TrackJob, config: Config, source: FileSource) -> Iterator[tuple[Ro
         raise ConfigError(f"--init-frame: got {job.init_frame}, expected at most {number}, the last picture")
 
 
+def begun(lines: Iterable[Line]) -> Iterator[Line]:
+    """The same lines, the first of them made: what it refuses is refused before a file is begun."""
+    lines = iter(lines)
+    return chain(list(islice(lines, 1)), lines)
+
+
 class _Run:
     """The tracker over one film."""
 
@@ -189,13 +197,14 @@ def run(job: TrackJob, config: Config, out: str | None, video: str | None) -> in
     counts: dict[str, int] = dict.fromkeys(_COLOURS, 0)
     with ExitStack() as stack:
         stack.callback(source.close)
+        lines = begun(rows(job, config, source))
         sink = stack.enter_context(opened(out)) if out else sys.stdout
         film = Film(video, source, job.rate_hz) if video else None
         if film is not None:
             stack.callback(film.close)
         writer = csv.writer(sink, lineterminator="\n")
         writer.writerow(COLUMNS)
-        for row, frame in rows(job, config, source):
+        for row, frame in lines:
             writer.writerow(row.cells())
             counts[row.state] += 1
             if film is not None and frame is not None:

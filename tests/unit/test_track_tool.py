@@ -182,6 +182,15 @@ def test_bad_arguments_get_one_line(
     assert said[-1].startswith("outrider: ")
 
 
+@pytest.mark.parametrize("more", [(), ("--all",)])
+def test_a_refused_box_leaves_an_older_file_as_it_was(
+    film: tuple[Path, list[Pose]], tmp_path: Path, more: tuple[str, ...]
+) -> None:
+    (tmp_path / "track.csv").write_text("of another run\n")
+    assert _track(film[0], "--init", "900,10,50,50", "--out", tmp_path / "track.csv", *more) == 2
+    assert (tmp_path / "track.csv").read_text() == "of another run\n"
+
+
 @pytest.mark.parametrize(
     ("picture", "words"),
     [(np.full((40, 80, 3), 90, np.uint8), "without texture"), (car_picture()[:8, :8], "smaller than a kernel")],
