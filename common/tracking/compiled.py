@@ -19,10 +19,12 @@ _LANES = 4
 
 
 @njit(nogil=True)
-def _fill_slots(frame, table, slot_of_bin, left, top, right, bottom, slots):  # type: ignore[no-untyped-def]
+def _fill_slots(frame, table, slot_of_bin, left, top, right, bottom, checkered, slots):  # type: ignore[no-untyped-def]
     for y in range(top, bottom):
-        for x in range(left, right):
-            slots[y, x] = slot_of_bin[table[0, frame[y, x, 0]] + table[1, frame[y, x, 1]] + table[2, frame[y, x, 2]]]
+        odd = y & checkered
+        for i in range((left - odd + checkered) >> checkered, (right - odd + checkered) >> checkered):
+            x = (i << checkered) + odd
+            slots[y, i] = slot_of_bin[table[0, frame[y, x, 0]] + table[1, frame[y, x, 1]] + table[2, frame[y, x, 2]]]
 
 
 @njit(nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
@@ -39,12 +41,12 @@ def _taken_coefficient(lanes, mass, root_reference):  # type: ignore[no-untyped-
 
 
 @njit(nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nnan", "ninf", "nsz"})
-def _fill_rows(top, count, cx, cy, skew, curve, p, starts, ends, middles, peaks):  # type: ignore[no-untyped-def]
+def _fill_rows(top, count, cx, cy, skew, curve, p, checkered, starts, ends, middles, peaks):  # type: ignore[no-untyped-def]
     """Each row of an ellipse: first column, column after the last, and the parabola. Returns the sum of all weights."""
-    mass, inverse = 0.0, 1.0 / p
+    mass, inverse, narrower = 0.0, 1.0 / p, 1.0 / (1 + checkered)
     for r in range(count):
         dy = (top + r) - cy
-        middle = cx - skew * dy
+        middle = (cx - skew * dy - ((top + r) & checkered)) * narrower
         peak = max(1.0 - curve * dy * dy, 0.0)  # the kernel's largest value in this row
         half = math.sqrt(peak * inverse)
         first, last = np.ceil(middle - half), np.floor(middle + half)
@@ -55,8 +57,10 @@ def _fill_rows(top, count, cx, cy, skew, curve, p, starts, ends, middles, peaks)
 
 
 @njit(nogil=True, error_model="numpy", fastmath={"contract"})
-def _fill_distances(slots, states, aspect, centers, half_width, half_height, root_reference, distances):  # type: ignore[no-untyped-def]
-    rows, columns = slots.shape
+def _fill_distances(
+    slots, columns, checkered, states, aspect, centers, half_width, half_height, root_reference, distances
+):  # type: ignore[no-untyped-def]
+    rows = slots.shape[0]
     kernels, size = root_reference.shape
     lanes = np.zeros((_LANES, size))
     tallest = 2.0 * max(half_width, half_height * aspect) / (states[:, 3].min() * math.sqrt(aspect))
@@ -73,17 +77,18 @@ def _fill_distances(slots, states, aspect, centers, half_width, half_height, roo
         s = sine * sine * a + cosine * cosine * b
         skew, curve = q / p, s - q * q / p
         reach = math.sqrt(1.0 / curve)
+        p *= (1 + checkered) ** 2  # from here on in columns of `slots`
         total = 0.0
         for k in range(kernels):
             cx = states[i, 0] + centers[k, 0] * width * cosine - centers[k, 1] * height * sine
             cy = states[i, 1] + centers[k, 0] * width * sine + centers[k, 1] * height * cosine
             top = int(math.ceil(cy - reach))
             count = int(math.floor(cy + reach)) + 1 - top
-            mass = _fill_rows(top, count, cx, cy, skew, curve, p, starts, ends, middles, peaks)
+            mass = _fill_rows(top, count, cx, cy, skew, curve, p, checkered, starts, ends, middles, peaks)
             # Outside the picture a pixel counts in the mass, and has no colour.
             for r in range(max(0, -top), min(count, rows - top)):
                 row, peak = slots[top + r], peaks[r]
-                x, end = max(starts[r], 0), min(ends[r], columns)
+                x, end = max(starts[r], 0), min(ends[r], (columns - ((top + r) & checkered) + checkered) >> checkered)
                 d = x - middles[r]
                 while x + 3 < end:
                     lanes[0, row[x]] += peak - p * d * d
@@ -100,19 +105,19 @@ def _fill_distances(slots, states, aspect, centers, half_width, half_height, roo
                 mass = 1.0
                 x, y = int(math.floor(cx + 0.5)), int(math.floor(cy + 0.5))
                 if 0 <= x < columns and 0 <= y < rows:
-                    lanes[0, slots[y, x]] = 1.0
+                    lanes[0, slots[y, x >> checkered]] = 1.0
             total += math.sqrt(max(0.0, 1.0 - _taken_coefficient(lanes, mass, root_reference[k])))
         distances[i] = total / kernels
 
 
 # A given signature compiles when the module is imported (and is kept on disk), not when the first target is selected.
 @njit(
-    "void(u1[:,:,:],u2[:,:,::1],u2[::1],i8,i8,i8,i8,u2[:,::1],f8[:,::1],f8,f8[:,::1],f8,f8,f8[:,::1],f8[:,::1])",
+    "void(u1[:,:,:],u2[:,:,::1],u2[::1],i8,i8,i8,i8,i8,u2[:,::1],f8[:,::1],f8,f8[:,::1],f8,f8,f8[:,::1],f8[:,::1])",
     cache=True,
     nogil=True,
 )
 def fill_distances(  # type: ignore[no-untyped-def]
-    frame, tables, slot_of_bin, left, top, right, bottom, slots,
+    frame, tables, slot_of_bin, left, top, right, bottom, checkered, slots,
     states, aspect, centers, half_width, half_height, root_reference, distances,
 ):  # fmt: skip
     """Mean Bhattacharyya distance of each state under each table of bins (Teulière 2011, eqs 1 to 4).
@@ -125,6 +130,7 @@ def fill_distances(  # type: ignore[no-untyped-def]
         top: its first row.
         right: column after its last.
         bottom: row after its last.
+        checkered: 1 for every other pixel of a row, one further on in the next one; 0 for every pixel.
         slots: (H, W) uint16, for its own use.
         states: (N, 4), x, y (px), psi (rad), 1/sqrt(A) (1/px).
         aspect: h / w.
@@ -135,5 +141,16 @@ def fill_distances(  # type: ignore[no-untyped-def]
         distances: (T, N), written.
     """
     for t in range(tables.shape[0]):
-        _fill_slots(frame, tables[t], slot_of_bin, left, top, right, bottom, slots)
-        _fill_distances(slots, states, aspect, centers, half_width, half_height, root_reference, distances[t])
+        _fill_slots(frame, tables[t], slot_of_bin, left, top, right, bottom, checkered, slots)
+        _fill_distances(
+            slots,
+            frame.shape[1],
+            checkered,
+            states,
+            aspect,
+            centers,
+            half_width,
+            half_height,
+            root_reference,
+            distances[t],
+        )

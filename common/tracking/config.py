@@ -24,9 +24,10 @@ class ParticleFilterConfig(Section, frozen=True, kw_only=True):
     """Layout of the kernels in the rectangle."""
     backend: Literal["compiled", "numpy"] = "compiled"
     """Which form takes the histograms: the compiled one, or the NumPy reference, which is twenty times slower."""
-    kernel_pixels: Positive = 2000.0
-    """Pixels of one kernel from which it is read on a lattice of every second, third, ... pixel; for a target of
-    96 x 48 px it has 1,300."""
+    kernel_pixels: Positive = 800.0
+    """Pixels of one kernel that are read, within a factor of 1.4. Of more, every other one is left out as a
+    checkerboard, then every second row and column, and so on; for a target of 96 x 48 px it has 1,300 and 650 are
+    read."""
     likelihood_lambda: Positive = 20.0
     """Sharpness of the likelihood exp(-lambda d^2) (Teulière 2011, eq. 5)."""
     size_prior: Positive = 0.2

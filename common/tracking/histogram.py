@@ -1,7 +1,7 @@
 """Colour histograms under several kernels, and their distance to a reference for many states at once.
 
 Source: Teulière 2011, section II-B, eqs 1 to 4, over every pixel of the kernels as they are written. A large target is
-read on a lattice of every second, third, ... pixel, so that a step's time does not grow with it. The NumPy form here is
+read on a lattice that leaves out pixels, so that a step's time does not grow with it. The NumPy form here is
 the reference; `common.tracking.compiled` gives the same figures at speed.
 """
 
@@ -39,10 +39,10 @@ class Kernels:
         across, along = (max(abs(center[i]) for center in self.centers) + self.half_axes[i] for i in (0, 1))
         return across, along
 
-    def stride(self, state: np.ndarray, pixels: float) -> int:
-        """Distance of the pixels that count: about `pixels` a kernel for a target of the size of this state (4,)."""
+    def thinning(self, state: np.ndarray, pixels: float) -> int:
+        """How often every other pixel is left out: about `pixels` of a kernel are read at the size of a state (4,)."""
         covered = math.pi * self.half_axes[0] * self.half_axes[1] / float(state[SCALE]) ** 2
-        return max(1, round(math.sqrt(covered / pixels)))
+        return max(0, round(math.log2(covered / pixels)))
 
 
 LAYOUTS: dict[str, Kernels] = {
@@ -55,7 +55,9 @@ LAYOUTS: dict[str, Kernels] = {
 """Those of `five` overlap and reach 5 % over the edge: the rim of ground tells a shrunken box from a fitting one."""
 
 
-def state_histograms(frame_bins: np.ndarray, state: np.ndarray, aspect: float, kernels: Kernels) -> np.ndarray:
+def state_histograms(
+    frame_bins: np.ndarray, state: np.ndarray, aspect: float, kernels: Kernels, checkered: bool = False
+) -> np.ndarray:
     """Histograms of one state (4,) under each kernel, (n_h, 512) (eq. 1).
 
     A row sums to one inside the picture, and to less where the kernel reaches out of it.
@@ -65,6 +67,7 @@ def state_histograms(frame_bins: np.ndarray, state: np.ndarray, aspect: float, k
         state: x, y, psi, 1/sqrt(A).
         aspect: r = h / w.
         kernels: the kernels.
+        checkered: whether those pixels alone count whose column and row are both even or both odd.
     """
     width = 1.0 / (state[SCALE] * math.sqrt(aspect))
     height = width * aspect
@@ -79,9 +82,13 @@ def state_histograms(frame_bins: np.ndarray, state: np.ndarray, aspect: float, k
         rows = np.arange(math.ceil(cy - reach_y), math.floor(cy + reach_y) + 1)[:, None]
         dx, dy = columns - cx, rows - cy
         weights = 1.0 - ((cosine * dx + sine * dy) / a) ** 2 - ((cosine * dy - sine * dx) / b) ** 2
+        if checkered:
+            weights[(columns + rows) % 2 == 1] = 0.0
         if not (weights > 0).any():  # smaller than a pixel: the nearest one is all there is
-            columns, rows = np.array([math.floor(cx + 0.5)]), np.array([[math.floor(cy + 0.5)]])
-            weights = np.ones((1, 1))
+            column, row = math.floor(cx + 0.5), math.floor(cy + 0.5)
+            if checkered:
+                column = column // 2 * 2 + row % 2
+            columns, rows, weights = np.array([column]), np.array([[row]]), np.ones((1, 1))
         inside_x = (columns >= 0) & (columns < frame_bins.shape[1])
         inside_y = ((rows >= 0) & (rows < frame_bins.shape[0]))[:, 0]
         weights = np.maximum(0.0, weights)
@@ -111,7 +118,7 @@ class HistogramModel:
         self._sums: _Sums = _CompiledSums(self) if backend == "compiled" else _NumpySums(self)
 
     def distances(
-        self, frame: np.ndarray, states: np.ndarray, gain: float | np.ndarray = 1.0, stride: int = 1
+        self, frame: np.ndarray, states: np.ndarray, gain: float | np.ndarray = 1.0, thinning: int = 0
     ) -> np.ndarray:
         """Mean Bhattacharyya distance of each state to the reference (eq. 4).
 
@@ -119,28 +126,29 @@ class HistogramModel:
             frame: (H, W, 3) uint8.
             states: (N, 4) rows of x, y (px), psi (rad), 1/sqrt(A) (1/px).
             gain: factor on the picture's values before they are binned; one, or (3,) for B, G, R.
-            stride: every pixel whose column and row are multiples of this counts.
+            thinning: how often every other pixel is left out: 1 for a checkerboard, 2 for every second row and column.
 
         Returns:
             (N,), 0 to 1.
         """
-        return self._sums.distances(*_thinned(frame, states, stride), self.bins.table(gain)[None])[0]
+        return self._sums.distances(*_thinned(frame, states, thinning), self.bins.table(gain)[None])[0]
 
-    def relit(self, frame: np.ndarray, state: np.ndarray, gains: np.ndarray, stride: int = 1) -> np.ndarray:
+    def relit(self, frame: np.ndarray, state: np.ndarray, gains: np.ndarray, thinning: int = 0) -> np.ndarray:
         """Mean Bhattacharyya distance (G,) of one state (4,) under each of the gains (G, 3)."""
-        return self._sums.distances(*_thinned(frame, state[None], stride), self.bins.table(gains))[:, 0]
+        return self._sums.distances(*_thinned(frame, state[None], thinning), self.bins.table(gains))[:, 0]
 
 
-def _thinned(frame: np.ndarray, states: np.ndarray, stride: int) -> tuple[np.ndarray, np.ndarray]:
-    """Every `stride`-th row and column of a picture, and the states (N, 4) in its pixels."""
-    if stride == 1:
-        return frame, states
-    return frame[::stride, ::stride], states * [1 / stride, 1 / stride, 1.0, stride]
+def _thinned(frame: np.ndarray, states: np.ndarray, thinning: int) -> tuple[np.ndarray, np.ndarray, bool]:
+    """Some rows and columns of a picture, the states (N, 4) in its pixels, and whether every other one is left out."""
+    stride = 1 << thinning // 2
+    if stride > 1:
+        frame, states = frame[::stride, ::stride], states * [1 / stride, 1 / stride, 1.0, stride]
+    return frame, states, thinning % 2 == 1
 
 
 class _Sums(Protocol):
-    def distances(self, frame: np.ndarray, states: np.ndarray, tables: np.ndarray) -> np.ndarray:
-        """Distances (T, N) of states (N, 4) under tables (T, 3, 256) of `ColourBins.table`."""
+    def distances(self, frame: np.ndarray, states: np.ndarray, checkered: bool, tables: np.ndarray) -> np.ndarray:
+        """Distances (T, N) of states (N, 4) under tables (T, 3, 256) of `ColourBins.table`, over all pixels or half."""
         ...
 
 
@@ -151,7 +159,7 @@ class _NumpySums:
         self._model = model
         self._root_reference = np.sqrt(model.reference)
 
-    def distances(self, frame: np.ndarray, states: np.ndarray, tables: np.ndarray) -> np.ndarray:
+    def distances(self, frame: np.ndarray, states: np.ndarray, checkered: bool, tables: np.ndarray) -> np.ndarray:
         model = self._model
         left, top, right, bottom = _touched(states, model.aspect, model.kernels, frame.shape)
         frame_bins = np.zeros(frame.shape[:2], np.uint16)
@@ -160,7 +168,7 @@ class _NumpySums:
             if right > left and bottom > top:
                 frame_bins[top:bottom, left:right] = binned(frame[top:bottom, left:right], table)
             for i, state in enumerate(states):
-                found = state_histograms(frame_bins, state, model.aspect, model.kernels)
+                found = state_histograms(frame_bins, state, model.aspect, model.kernels, checkered)
                 rho = (self._root_reference * np.sqrt(found)).sum(axis=1)
                 distances[i] = np.sqrt(np.maximum(0.0, 1.0 - rho)).mean()
         return result
@@ -180,14 +188,14 @@ class _CompiledSums:
         self._root_reference[:, :-1] = np.sqrt(model.reference[:, held])
         self._slots: dict[tuple[int, ...], np.ndarray] = {}
 
-    def distances(self, frame: np.ndarray, states: np.ndarray, tables: np.ndarray) -> np.ndarray:
+    def distances(self, frame: np.ndarray, states: np.ndarray, checkered: bool, tables: np.ndarray) -> np.ndarray:
         model = self._model
         if frame.shape not in self._slots:
             self._slots[frame.shape] = np.zeros(frame.shape[:2], np.uint16)
         window = _touched(states, model.aspect, model.kernels, frame.shape)
         result = np.empty((len(tables), len(states)))
         compiled.fill_distances(
-            frame, np.ascontiguousarray(tables), self._slot_of_bin, *window, self._slots[frame.shape],
+            frame, np.ascontiguousarray(tables), self._slot_of_bin, *window, int(checkered), self._slots[frame.shape],
             np.ascontiguousarray(states), model.aspect, self._centers, *model.kernels.half_axes, self._root_reference,
             result,
         )  # fmt: skip

@@ -43,15 +43,14 @@ class Light:
         self.gain = np.ones(3)
         self._memory_s = memory_s
         self._jump = 0
-        self._scene: np.ndarray | None = None
+        self._seen: np.ndarray | None = None  # the last picture with the target
 
-    def follow(self, model: HistogramModel, frame: np.ndarray, state: np.ndarray, stride: int, dt_s: float) -> None:
+    def follow(self, model: HistogramModel, frame: np.ndarray, state: np.ndarray, thinning: int, dt_s: float) -> None:
         """Move the gain to where the distance of the target's state (4,) is smallest."""
-        self._jump = 0
+        self._jump, self._seen = 0, frame
         if self._memory_s == 0.0:
             return
-        self._scene = _mean_colour(frame)
-        distances = model.relit(frame, state, self.gain * (1.0 + _STEPS), stride)
+        distances = model.relit(frame, state, self.gain * (1.0 + _STEPS), thinning)
         weights = np.exp(-_SHARPNESS * (distances**2 - distances.min() ** 2))
         step = weights @ _STEPS / weights.sum()
         self.gain = _bounded(self.gain * (1.0 + min(1.0, dt_s / self._memory_s) * step))
@@ -60,7 +59,7 @@ class Light:
         """Gains to try on a picture in which the target is not seen; others each time, until it is."""
         if self._memory_s == 0.0:
             return []
-        scene = [] if self._scene is None else [self.gain * self._scene / _mean_colour(frame)]
+        scene = [] if self._seen is None else [self.gain * _mean_colour(self._seen) / _mean_colour(frame)]
         chosen = [self.gain * _JUMPS[(self._jump + i) % len(_JUMPS)] for i in range(_TRIED_AT_ONCE)]
         self._jump += _TRIED_AT_ONCE
         return [_bounded(gain) for gain in (*scene, *chosen)]

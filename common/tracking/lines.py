@@ -2,7 +2,7 @@
 
 Colour histograms fix an angle weakly: one degree moves hardly any of a kernel's weight, and a target that was first
 seen from the side, then from above, fits best a degree or more away from where it lies. The lines of a made thing run
-along its length and across it wherever it is seen from, and all of its pixels vote.
+along its length and across it wherever it is seen from, and half of its pixels vote, in a checkerboard.
 """
 
 from __future__ import annotations
@@ -106,12 +106,12 @@ def _upright(frame: np.ndarray, state: np.ndarray, aspect: float) -> np.ndarray:
 def _axis(patch, rounds, near_cosine):  # type: ignore[no-untyped-def]
     """Direction (cos 4t, sin 4t) of the edges in a patch (h, w, 3), refined in rounds, and the coherence of all."""
     rows, columns, channels = patch.shape
-    count = (rows - 2) * (columns - 2) * channels
+    count = (rows - 2) * ((columns - 1) // 2) * channels  # at most
     evens, odds = np.empty(count, np.float32), np.empty(count, np.float32)  # length * (cos 4t, sin 4t)
     lengths = np.empty(count, np.float32)  # of the gradient (Scharr), squared
     i, total = 0, 0.0
     for y in range(1, rows - 1):
-        for x in range(1, columns - 1):
+        for x in range(1 + y % 2, columns - 1, 2):
             for c in range(channels):
                 nw, n, ne = (
                     np.int32(patch[y - 1, x - 1, c]),
@@ -133,13 +133,14 @@ def _axis(patch, rounds, near_cosine):  # type: ignore[no-untyped-def]
                 lengths[i] = length
                 total += length
                 i += 1
-    along, across = float(evens.sum()), float(odds.sum())
+    voters = i
+    along, across = float(evens[:voters].sum()), float(odds[:voters].sum())
     coherence = math.hypot(along, across) / max(total, 1.0)
     for _ in range(rounds):
         norm = max(math.hypot(along, across), 1e-9)
         even4, odd4, least = np.float32(along / norm), np.float32(across / norm), np.float32(near_cosine)
         along, across = 0.0, 0.0
-        for i in range(count):
+        for i in range(voters):
             # A pixel counts by what the cosine of four times its angle to that direction has above the bound.
             share = max(evens[i] * even4 + odds[i] * odd4 - least * lengths[i], np.float32(0.0))
             share /= max(lengths[i], np.float32(1.0))

@@ -167,7 +167,7 @@ class ParticleFilterTracker:
         self._rates = np.zeros_like(self._states)
         self._motion = self._new_motion(state)
         if self._model is not None:
-            self._stride = self._model.kernels.stride(state, config.kernel_pixels)
+            self._thinning = self._model.kernels.thinning(state, config.kernel_pixels)
         self._expected: Expectation | None = None
         self._unseen_s, self._unseen_frames, self._seen_frames = 0.0, 0, 0
         self._frame, self._t_ns = frame, t_ns
@@ -214,11 +214,11 @@ class ParticleFilterTracker:
 
     def _distances(self, model: HistogramModel) -> np.ndarray:
         """Distances (N,) under the light in force, or under another that finds the target when that one does not."""
-        distances = model.distances(self._frame, self._states, self._light.gain, self._stride)
+        distances = model.distances(self._frame, self._states, self._light.gain, self._thinning)
         if distances.min() <= self._limit:
             return distances
         for gain in self._light.jumps(self._frame):
-            other = model.distances(self._frame, self._states, gain, self._stride)
+            other = model.distances(self._frame, self._states, gain, self._thinning)
             if other.min() <= self._limit:
                 self._light.gain = gain
                 return other
@@ -302,8 +302,8 @@ class ParticleFilterTracker:
         self._seen_frames += 1
         self._healthy_distance += (1 - math.exp(-dt_s / config.limit_memory_s)) * (smallest - self._healthy_distance)
         if self._model is not None:
-            self._stride = self._model.kernels.stride(mean, config.kernel_pixels)
-            self._light.follow(self._model, self._frame, mean, 2 * self._stride, dt_s)
+            self._thinning = self._model.kernels.thinning(mean, config.kernel_pixels)
+            self._light.follow(self._model, self._frame, mean, self._thinning + 2, dt_s)
         self._states = self._states[systematic_resample(weights, self._rng.random())]
         self._rates = np.tile(self._motion.rate, (len(self._states), 1))
         return mean, angle_std
@@ -333,7 +333,7 @@ class ParticleFilterTracker:
         turns = np.arange(-_SWEPT, _SWEPT + 1) * (self._config.turn_sweep_rad / _SWEPT)
         states = np.tile(mean, (len(turns), 1))
         states[:, PSI] += turns
-        distances = model.distances(self._frame, states, self._light.gain, self._stride)
+        distances = model.distances(self._frame, states, self._light.gain, self._thinning)
         best = int(distances.argmin())
         if best in (0, len(turns) - 1):
             return float(turns[best])

@@ -75,8 +75,8 @@ def test_kernel_half_outside_the_picture_has_half_the_mass() -> None:
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-@pytest.mark.parametrize("stride", [1, 2, 3])
-def test_compiled_sums_are_those_of_the_reference(layout: str, stride: int) -> None:
+@pytest.mark.parametrize("thinning", [0, 1, 2, 3])
+def test_compiled_sums_are_those_of_the_reference(layout: str, thinning: int) -> None:
     frame, pose = _first()
     compiled, plain = (
         learn_model(frame, _state(pose), 0.5, LAYOUTS[layout], "compiled"),
@@ -84,8 +84,8 @@ def test_compiled_sums_are_those_of_the_reference(layout: str, stride: int) -> N
     )
     states = _scattered(pose)
     gain = np.array([1.1, 0.9, 1.0])
-    expected = plain.distances(frame, states, gain, stride)
-    assert compiled.distances(frame, states, gain, stride) == pytest.approx(expected, abs=1e-9)
+    expected = plain.distances(frame, states, gain, thinning)
+    assert compiled.distances(frame, states, gain, thinning) == pytest.approx(expected, abs=1e-9)
     assert expected.min() < 0.7 < expected.max()
 
 
@@ -103,11 +103,11 @@ def test_large_target_is_read_on_a_lattice_that_says_the_same() -> None:
     _, frame, pose = next(iter(scene.frames(0.1)))
     state = _state(pose)
     kernels = LAYOUTS["five"]
-    assert kernels.stride(_state(Pose(0, 0)), 2000.0) == 1
-    assert kernels.stride(state, 2000.0) == 3
+    assert kernels.thinning(_state(Pose(0, 0)), 2000.0) == 0
+    assert kernels.thinning(state, 2000.0) == 3
     model = learn_model(frame, state, 0.5, kernels)
     states = state + np.random.default_rng(0).normal(size=(60, 4)) * [30.0, 30.0, 0.15, 0.03 * state[3]]
-    difference = model.distances(frame, states, stride=3) - model.distances(frame, states)
+    difference = model.distances(frame, states, thinning=3) - model.distances(frame, states)
     assert np.sqrt(np.mean(difference**2)) < 0.01
 
 
