@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from common.geometry.camera import Camera
 from common.geometry.rotation import Array, quat_conjugate, quat_rotate
+from onboard.people.association import assign
 from onboard.people.depth import Floats, Ints
 from onboard.people.pose import BONES, STANDING_M, Pose
 
@@ -28,9 +29,9 @@ _TOP_PERCENT, _LEAST_TOP = 99.0, 0.6
 """The top of what lies where somebody is expected must be at this share of their height at least."""
 _MORE = 1.05
 """Whoever lies or sits is taken to have moved only if so many times the points are theirs then."""
+_LEAST_COLUMN = 0.3
+"""The same of those who stand: somebody else may be before them."""
 _JOINT_POINTS = 3
-_ARMS_SHARE = 0.55
-"""What touches somebody upright above this share of their height are their arms."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,14 @@ class Body:
     lean_m: Array
     """(2,) mean way from the bones to the points of the body, across the rays at the floor's distance, m: not zero
     where flesh is on one side of them."""
+    ned_trunk_m: Array | None = None
+    """(3,) middle of trunk and head of somebody who stands, from home, NED, m; None of everybody else."""
+
+    def shifted(self, ned_way_m: Array) -> Body:
+        """The body elsewhere on the floor, by a way (3,)."""
+        way = np.array([ned_way_m[0], ned_way_m[1], 0.0])
+        trunk = None if self.ned_trunk_m is None else self.ned_trunk_m + way
+        return replace(self, ned_joints_m=self.ned_joints_m + way, ned_trunk_m=trunk)
 
     def pose_in(self, camera: Camera, vehicle: VehiclePose) -> Pose:
         """The pose that a camera sees from elsewhere."""
@@ -96,6 +105,7 @@ def body_of(
     height_m: float,
     camera: Camera,
     vehicle: VehiclePose,
+    ned_trunk_m: Array | None = None,
 ) -> Body:
     """A body from a pose that was found in a picture.
 
@@ -107,6 +117,7 @@ def body_of(
         height_m: of the camera above the floor, m.
         camera: that took the picture.
         vehicle: where it was.
+        ned_trunk_m: (3,) middle of trunk and head, of somebody who stands.
     """
     pixels = camera.project(points_m)
     apart = np.linalg.norm(pose.joints_px[:, None] - pixels, axis=2)
@@ -120,6 +131,7 @@ def body_of(
         pose,
         *size,
         _lean(places, _flat(joints, height_m), _reach(joints, height_m)),
+        ned_trunk_m,
     )
 
 
@@ -157,20 +169,39 @@ def claims(
             continue
         free[rows] = False
         shift = vehicle.from_camera(camera, moved) - vehicle.from_camera(camera, joints)
-        shift[:, 2] = 0.0
-        found.append(Claimed(replace(body, ned_joints_m=body.ned_joints_m + shift), rows))
+        found.append(Claimed(body.shifted(shift.mean(axis=0)), rows))
     return found
 
 
-def hang_on(
-    points_m: Floats, heights_m: Floats, body: Body, height_m: float, camera: Camera, vehicle: VehiclePose
-) -> NDArray[np.bool_]:
-    """Which of points (N, 3) that touch a body are part of it, too: all if all end near it; of somebody upright, who
-    may raise the arms between two looks, those that are high and those that are near.
+def standing_where_expected(
+    bodies: Sequence[Body], ned_trunks_m: Sequence[Array], sizes: Sequence[tuple[float, float]]
+) -> list[tuple[Body, int]]:
+    """Which of those who stand in a picture is which of some bodies that stand, each moved to where it is: the pairs
+    with the smallest ways in all.
+
+    Args:
+        bodies: people known, where they are expected.
+        ned_trunks_m: (3,) middle of trunk and head of each who stands there, from home, NED, m.
+        sizes: of each, area across the rays, m², and height of the top above the floor, m.
+    """
+
+    standing = [(body, body.ned_trunk_m) for body in bodies if body.ned_trunk_m is not None]
+
+    def way(body: Body, trunk: Array, k: int) -> float:
+        if sizes[k][0] < _LEAST_COLUMN * body.area_m2 or sizes[k][1] < _LEAST_TOP * body.top_m:
+            return float("inf")
+        return float(np.linalg.norm((ned_trunks_m[k] - trunk)[:2]))
+
+    ways = np.array([[way(*pair, k) for k in range(len(ned_trunks_m))] for pair in standing])
+    pairs = [(*standing[row], column) for row, column in assign(ways, _MOST_SHIFT_M)]
+    return [(body.shifted(ned_trunks_m[column] - trunk), column) for body, trunk, column in pairs]
+
+
+def hang_on(points_m: Floats, body: Body, height_m: float, camera: Camera, vehicle: VehiclePose) -> bool:
+    """Whether points that touch a body are part of it, too: they are if they all end near it.
 
     Args:
         points_m: (N, 3) in the optical frame, m.
-        heights_m: (N,) above the floor, m.
         body: who.
         height_m: of the camera above the floor, m.
         camera: the depth camera.
@@ -178,10 +209,7 @@ def hang_on(
     """
     joints = vehicle.into_camera(camera, body.ned_joints_m)
     distances, _ = _from_bones(_flat(points_m, height_m), _flat(joints, height_m))
-    near = distances < _LOOSE_M * _reach(joints, height_m) / REACH_M
-    if body.top_m > STANDING_M:
-        return near | (heights_m > _ARMS_SHARE * body.top_m)
-    return np.full(len(near), near.all())
+    return bool((distances < _LOOSE_M * _reach(joints, height_m) / REACH_M).all())
 
 
 def _fitted(

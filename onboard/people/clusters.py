@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.geometry.rotation import Array
+from onboard.people.columns import columns
 from onboard.people.compiled import dbscan
 from onboard.people.config import ClusterConfig
 from onboard.people.depth import Cloud, Floats, Ints
@@ -40,6 +41,8 @@ class Cluster:
     area_m2: float
     """Area across the camera's rays, m²: the sum over the points of what each stands for, so it does not change with
     the distance."""
+    trunk_m: Array | None = None
+    """(3,) middle of trunk and head of somebody who may be standing, optical frame, m; None of everything else."""
 
     def refusal(self, config: ClusterConfig) -> str:
         """Why this cannot be one person, or nothing when it can."""
@@ -84,7 +87,27 @@ def find_clusters(cloud: Cloud, floor: Floor, config: ClusterConfig) -> list[Clu
 
     Clusters that cannot be a person are in the list too: `Cluster.refusal` says why.
     """
-    return clusters_of(cloud, floor, *labels_above(cloud, floor, config), config)
+    heights, above, labels = labels_above(cloud, floor, config)
+    standing, labels = standing_apart(cloud, floor, heights, above, labels)
+    rest = clusters_of(cloud, floor, heights, above, labels, config)
+    return sorted((*standing, *rest), key=lambda c: -c.area_m2)
+
+
+def standing_apart(
+    cloud: Cloud, floor: Floor, heights: Floats, above: Ints, labels: Ints
+) -> tuple[list[Cluster], Ints]:
+    """Those who may be standing, and the labels (M,) of all points above the floor without theirs."""
+    plan, points = Plan.of(floor.up), cloud.points_m[above]
+    found = columns(plan.flat(points), heights[above], areas_m2(cloud, above), labels)
+    labels = labels.copy()
+    for column in found:
+        labels[column.rows] = -1
+    return [
+        replace(
+            measure(cloud, heights, above[column.rows], plan), trunk_m=points[column.core].mean(axis=0).astype(float)
+        )
+        for column in found
+    ], labels
 
 
 def clusters_of(

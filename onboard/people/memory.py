@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from common.geometry.camera import Camera
+from common.geometry.rotation import Array
 from onboard.people.bodies import Body, VehiclePose, body_of
 from onboard.people.tracks import Track
 from onboard.people.walk import Walks
@@ -34,7 +35,11 @@ class Memory:
             in_sight = (t_ns - track.seen_ns) / 1e9 < _IN_SIGHT_S
             return in_sight or (track.confirmed and not walks.walked(number))
 
-        return [body for number, body in self._bodies.items() if stays(number)]
+        def walked(number: int) -> Array:
+            away_s = (t_ns - known[number].seen_ns) / 1e9
+            return walks.ned_v_m_s(number, t_ns) * min(away_s, _IN_SIGHT_S)
+
+        return [body.shifted(walked(number)) for number, body in self._bodies.items() if stays(number)]
 
     def see(self, spot: Spot, camera: Camera | None, vehicle: VehiclePose | None, t_ns: int) -> None:
         """Note where somebody is in a picture. A pose that the colour picture may have cut off is no body to go by,
@@ -53,7 +58,9 @@ class Memory:
         trusted = whole or (spot.evidence >= _CLEAR and number not in self._bodies)
         if pose is not None and spot.posed_ns == t_ns and trusted:
             size = sight.area_m2, sight.region.height_m or 0.0
-            self._bodies[number] = body_of(number, pose, sight.points_m, size, sight.camera_height_m, camera, vehicle)
+            self._bodies[number] = body_of(
+                number, pose, sight.points_m, size, sight.camera_height_m, camera, vehicle, sight.ned_trunk_m
+            )
         elif sight.body is not None and sight.body.number == number:
             self._bodies[number] = sight.body
 

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from common.geometry.camera import Camera
 from common.geometry.rotation import Array, quat_rotate
-from onboard.people.bodies import Body, Claimed, VehiclePose, claims, hang_on
-from onboard.people.clusters import Cluster, areas_m2, clusters_of, labels_above, measure
+from onboard.people.bodies import Body, Claimed, VehiclePose, claims, hang_on, standing_where_expected
+from onboard.people.clusters import Cluster, areas_m2, clusters_of, labels_above, measure, standing_apart
 from onboard.people.depth import Cloud, Floats, Ints, RayTable, UnusableDepth, metres
 from onboard.people.floor import TOWARDS_CAMERA, Floor, find_floor, up_in_camera
 from onboard.people.pipeline_config import PeopleConfig
@@ -47,6 +47,8 @@ class Sight:
     """Somebody known who was expected here and is, and how they lie here."""
     pose: Pose | None = None
     """That in the picture."""
+    ned_trunk_m: Array | None = None
+    """(3,) middle of trunk and head of somebody who may be standing, from home, NED, m; None of everything else."""
 
 
 class DepthSearch:
@@ -88,17 +90,40 @@ class DepthSearch:
                 f"{config.floor.least_share:.0%} of its points; expected a floor below the camera"
             )
         heights, above, labels = labels_above(cloud, floor, config.clusters)
-        taken, labels = self._taken(bodies, cloud, floor, (heights, above, labels), vehicle)
+        standing, labels = standing_apart(cloud, floor, heights, above, labels)
+        lying = [body for body in bodies if body.ned_trunk_m is None]
+        taken, labels = self._taken(lying, cloud, floor, (heights, above, labels), vehicle)
         plan = Plan.of(floor.up)
-        known = [(measure(cloud, heights, claimed.rows, plan), claimed.body) for claimed in taken]
-        rest = [(c, None) for c in clusters_of(cloud, floor, heights, above, labels, config.clusters)]
-        clusters = [pair for pair in (*known, *rest) if not pair[0].refusal(config.clusters)]
+        found: list[tuple[Cluster, Body | None]] = [
+            *((measure(cloud, heights, claimed.rows, plan), claimed.body) for claimed in taken),
+            *self._recognised(bodies, standing, vehicle),
+            *((c, None) for c in clusters_of(cloud, floor, heights, above, labels, config.clusters)),
+        ]
+        order = {body.number: k for k, body in enumerate(bodies)}
+        # Who is known in the order of the bodies, then what is largest.
+        found.sort(key=lambda p: (1, -p[0].area_m2) if p[1] is None else (0, order[p[1].number]))
+        clusters = [pair for pair in found if not pair[0].refusal(config.clusters)]
         regions = find_regions([c for c, _ in clusters], cloud, depth_m, floor, self._table, self._registration)
         return [
             self._placed(region, cluster, cloud, floor, vehicle, body)
             for region, (cluster, body) in zip(regions, clusters, strict=True)
             if region is not None
         ]
+
+    def _recognised(
+        self, bodies: Sequence[Body], standing: Sequence[Cluster], vehicle: VehiclePose | None
+    ) -> list[tuple[Cluster, Body | None]]:
+        """Those who stand, and who of the people known each is."""
+        who: dict[int, Body] = {}
+        if vehicle is not None:
+            trunks = [self._ned(cluster.trunk_m, vehicle) for cluster in standing if cluster.trunk_m is not None]
+            sizes = [(cluster.area_m2, cluster.height_m) for cluster in standing]
+            who = {column: body for body, column in standing_where_expected(bodies, trunks, sizes)}
+        return [(cluster, who.get(k)) for k, cluster in enumerate(standing)]
+
+    def _ned(self, camera_p_m: Array, vehicle: VehiclePose) -> Array:
+        """A place (3,) of the depth camera's optical frame, from home, NED, m."""
+        return vehicle.from_camera(self._table.camera, camera_p_m)
 
     def _taken(
         self,
@@ -125,8 +150,7 @@ class DepthSearch:
             rows = [claimed.rows]
             for name in names:
                 left = np.flatnonzero(labels == name).astype(np.int32)
-                if len(left):
-                    left = left[hang_on(points[left], heights[left], claimed.body, height, camera, vehicle)]
+                if len(left) and hang_on(points[left], claimed.body, height, camera, vehicle):
                     rows.append(left)
                     labels[left] = -1
             taken.append(Claimed(claimed.body, above[np.concatenate(rows)]))
@@ -145,6 +169,9 @@ class DepthSearch:
             return Sight(region)
         colour, members = self._registration.colour, cloud.points_m[cluster.members]
         offset = quat_rotate(vehicle.ned_q_body, in_body(colour, region.camera_p_m))
+        trunk = None if cluster.trunk_m is None else self._ned(cluster.trunk_m, vehicle)
+        if trunk is not None:  # arms and what the feet stand beside do not move it
+            offset = np.array([*(trunk - vehicle.ned_p_m)[:2], offset[2]])
         points = quat_rotate(vehicle.ned_q_body, in_body(self._table.camera, members))
         distances = np.linalg.norm(points, axis=1)
         nearest = points[np.argsort(distances)[int(_NEAREST_PERCENT / 100.0 * len(distances))]]
@@ -158,6 +185,7 @@ class DepthSearch:
             floor.camera_height_m,
             body,
             None if body is None else body.pose_in(colour, vehicle),
+            trunk,
         )
 
     def _covariance(self, ned_offset_m: Array) -> Array:

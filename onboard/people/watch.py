@@ -17,8 +17,8 @@ from common.geometry.rotation import Array
 from onboard.people.appearance import Look
 from onboard.people.association import assign
 from onboard.people.pipeline_config import WatchConfig
-from onboard.people.pose import Pose
-from onboard.people.regions import Box
+from onboard.people.pose import STANDING_M, Pose
+from onboard.people.regions import Box, Region
 from onboard.people.sights import Sight
 
 _NEW, _DOUBTED, _RECOGNISED = 1e6, 1e9, 4.0
@@ -28,6 +28,8 @@ _PARTLY = 0.25
 """What is new at the picture's edge can wait for what is new and whole."""
 _LYING_M, _LONG_M, _WIDE_M, _HEAD_M2 = 0.6, (1.1, 2.6), 0.25, 0.08
 """Height, lengths and least width of somebody who lies, m; largest head from above, m²."""
+_LIES = 0.5
+"""Who reaches to less than this share of a standing height does not stand."""
 _SAME_SHAPE = 0.1
 _LIKELY_WAIT = 0.4
 """Share of the wait until the next look that such a region waits."""
@@ -168,6 +170,8 @@ class Watch:
         a = spot.sight
         if b.body is not None and spot.number:
             return 0.0 if spot.number == b.body.number else 1.0
+        if spot.number and spot.posed is not None and _other_height(spot.posed.region, b.region):
+            return 1.0
         if a.ned_p_m is not None and b.ned_p_m is not None:
             return float(np.linalg.norm((a.ned_p_m - b.ned_p_m)[:2])) / self.config.same_m
         return (1.0 - iou(a.region.box_px, b.region.box_px)) / max(1.0 - self.config.same_iou, 1e-9)
@@ -216,6 +220,14 @@ def _likely(sight: Sight) -> bool:
     lies = region.height_m < _LYING_M and _LONG_M[0] < region.length_m < _LONG_M[1] and region.width_m > _WIDE_M
     upright = region.height_m >= _LYING_M and crown.area_m2 < _HEAD_M2 and crown.below_m2 > crown.area_m2
     return lies or upright
+
+
+def _other_height(a: Region, b: Region) -> bool:
+    """Whether one of two whole regions stands and the other lies: what is left where somebody stood is not them."""
+    if a.height_m is None or b.height_m is None or a.at_edge or b.at_edge:
+        return False
+    low, high = sorted((a.height_m, b.height_m))
+    return high > STANDING_M and low < _LIES * high
 
 
 def iou(a: Sequence[float], b: Sequence[float]) -> float:

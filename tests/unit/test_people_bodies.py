@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks.people_scene import DepthScene, person, rock
 from common.geometry.rotation import quat_from_euler
-from onboard.people.bodies import Body, Claimed, VehiclePose, body_of, claims, hang_on
+from onboard.people.bodies import Body, Claimed, VehiclePose, body_of, claims, hang_on, standing_where_expected
 from onboard.people.config import PoseFilterConfig
 from onboard.people.pipeline import PeoplePipeline
 from onboard.people.pipeline_config import PeopleConfig, WatchConfig
@@ -99,12 +99,22 @@ def test_what_hangs_on_a_body_is_its_if_it_ends_near_it():
     wrist = JOINTS[7]
     hand = wrist + np.array([(0.22 + d, 0.0, 0.0) for d in (0.0, 0.05, 0.1)])
     plank = wrist + np.array([(0.22 + d, 0.0, 0.0) for d in np.arange(0.0, 1.0, 0.05)])
-    heights = np.full(len(plank), 0.15, np.float32)
-    assert hang_on(hand.astype(np.float32), heights[:3], body, HEIGHT_M, DOWN, vehicle).all()
-    assert not hang_on(plank.astype(np.float32), heights, body, HEIGHT_M, DOWN, vehicle).any()
-    # Of somebody upright, what is as high as the arms are is theirs however far it reaches.
-    standing = replace(body, top_m=1.75)
-    assert hang_on(plank.astype(np.float32), heights + 1.2, standing, HEIGHT_M, DOWN, vehicle).all()
+    assert hang_on(hand.astype(np.float32), body, HEIGHT_M, DOWN, vehicle)
+    assert not hang_on(plank.astype(np.float32), body, HEIGHT_M, DOWN, vehicle)
+
+
+def test_who_stands_is_followed_by_the_trunk_and_told_from_who_passes():
+    trunk = np.array([1.0, 2.0, -1.3])
+    one = replace(_body(above(HEIGHT_M)), top_m=1.7, area_m2=0.4, ned_trunk_m=trunk)
+    two = replace(one, number=4, ned_trunk_m=np.array([1.7, 2.0, -1.3]))
+    seen = [np.array([1.62, 2.05, -1.3]), np.array([1.08, 2.0, -1.2])]
+    found = standing_where_expected([one, two], seen, [(0.4, 1.7), (0.4, 1.7)])
+    assert [(body.number, k) for body, k in found] == [(3, 1), (4, 0)]
+    np.testing.assert_allclose(found[0][0].ned_joints_m - one.ned_joints_m, np.tile((0.08, 0.0, 0.0), (15, 1)))
+    assert standing_where_expected([one], [np.array([1.5, 2.0, -1.3])], [(0.4, 1.7)]) == [], "too far"
+    assert standing_where_expected([one], [trunk], [(0.4, 0.9)]) == [], "what is there is low"
+    assert standing_where_expected([one], [trunk], [(0.1, 1.7)]) == [], "too little of it"
+    assert standing_where_expected([replace(one, ned_trunk_m=None)], [trunk], [(0.4, 1.7)]) == []
 
 
 def test_a_thing_that_comes_to_touch_somebody_does_not_enlarge_them():
