@@ -27,6 +27,7 @@ from benchmarks import (
     pursuit_speed,
 )
 from benchmarks.base import Benchmark, Outcome, Settings, as_json
+from common.arguments import seed
 from common.config import ConfigError, unknown_key_text
 
 BENCHMARKS: dict[str, Benchmark] = {
@@ -64,7 +65,7 @@ def main(arguments: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="outrider bench", description="Run a benchmark and print its figures.")
     parser.add_argument("name", nargs="?", help="benchmark; none runs all and writes benchmarks/results")
     parser.add_argument("--list", action="store_true", help="name the benchmarks")
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seed", type=seed, default=0)
     parser.add_argument("--quick", action="store_true", help="within 60 s: shorter, never easier")
     parser.add_argument("--platform", metavar="NAME", help="follow: uav, pan-tilt or ground; all without it")
     parser.add_argument("--json", type=Path, metavar="FILE")

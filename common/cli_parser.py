@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
-import math
 
 from common import __version__, evaluate_command, people_command, stick_command, topics, track_command
+from common.arguments import seconds, seed
 from common.keys_options import add_keys
 from common.pose_options import add_pose
 from common.processes import PROCESSES, side_processes
@@ -141,7 +140,7 @@ def _add_preflight(sub: argparse._SubParsersAction) -> None:
         description="Print helm's gate, each check with what was found and what to do; exit code 0 when it is open, "
         "1 when it is closed, 2 when no helm answers.",
     )
-    parser.add_argument("--wait", type=_seconds, default=0.0, metavar="S", help="wait so long for the gate to open")
+    parser.add_argument("--wait", type=seconds, default=0.0, metavar="S", help="wait so long for the gate to open")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--side", choices=("onboard", "ground"), default="ground", help="whose router to use")
     _add_config(parser)
@@ -161,13 +160,6 @@ def _add_doctor(sub: argparse._SubParsersAction) -> None:
     _add_config(parser)
 
 
-def _seconds(text: str) -> float:
-    with contextlib.suppress(ValueError):
-        if 0.0 <= (value := float(text)) < math.inf:
-            return value
-    raise argparse.ArgumentTypeError(f"got {text!r}, expected seconds, 0 or more")
-
-
 def _add_demo(sub: argparse._SubParsersAction) -> None:
     demo = sub.add_parser(
         "demo",
@@ -185,7 +177,7 @@ def _add_demo(sub: argparse._SubParsersAction) -> None:
     demo.add_argument(
         "--scenario", metavar="FILE", default="chase", help="scenario: chase (default), approach, rescue, …"
     )
-    demo.add_argument("--seed", type=int, help="seed of the scenario's randomness")
+    demo.add_argument("--seed", type=seed, help="seed of the scenario's randomness")
     demo.add_argument(
         "--autopilot", metavar="URL", help="fly PX4 or another autopilot at this URL instead of the simulated one"
     )

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import importlib
 import math
+import re
 import tomllib
 import types
 import typing
@@ -37,6 +38,7 @@ class Section(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 S = TypeVar("S", bound=Section)
+_MISSING = re.compile(r"Object missing required field `(\w+)`( - at `.*`)?")
 
 
 def deploy_dir() -> Path:
@@ -89,9 +91,16 @@ def build(kind: type[S], data: Mapping[str, Any], where: str) -> S:
     try:
         section = msgspec.convert(dict(data), kind, strict=False)
     except msgspec.ValidationError as error:
-        raise ConfigError(f"{where}: {error}") from None
+        raise ConfigError(f"{where}: {_in_our_words(str(error))}") from None
     _check_all(section, where)
     return section
+
+
+def _in_our_words(error: str) -> str:
+    missing = _MISSING.fullmatch(error)
+    if missing is None:
+        return error
+    return f"key {missing[1]!r} is missing{missing[2] or ''}; it has no default, so set it"
 
 
 def _check_all(value: Any, where: str) -> None:

@@ -181,7 +181,8 @@ def load_config(file: str | None, overrides: Iterable[str] = ()) -> Config:
     path = None if file is None else find_file(file, "vehicles")
     tables: dict[str, Any] = {} if path is None else read_toml(path)
     where = "defaults" if path is None else _display(path)
-    return Config(apply_overrides(tables, overrides), SECTIONS, where)
+    overrides = list(overrides)
+    return Config(apply_overrides(tables, overrides), SECTIONS, f"{where} and --set" if overrides else where)
 
 
 def _display(path: Path) -> str:

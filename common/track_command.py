@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from common.arguments import seed
 from common.config import Config
 
 
@@ -34,7 +35,7 @@ def add(sub: argparse._SubParsersAction) -> argparse.ArgumentParser:
     track.add_argument("--out", metavar="FILE.csv", help="where to write the CSV (default: standard output)")
     track.add_argument("--video", metavar="FILE.mp4", help="write the pictures with the target drawn on them")
     track.add_argument("--rate", type=float, metavar="HZ", help="pictures a second (default: the video's, or 25)")
-    track.add_argument("--seed", type=int, default=1, help="seed of the tracker's randomness")
+    track.add_argument("--seed", type=seed, default=1, help="seed of the tracker's randomness")
     return track
 
 

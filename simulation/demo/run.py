@@ -26,6 +26,7 @@ from simulation.demo.mission import ChaseMission
 from simulation.demo.operator import MissionFailed
 from simulation.demo.report import Criteria
 from simulation.demo.rescue import RescueMission
+from simulation.world.scenario import load_scenario
 
 log = logging.getLogger(__name__)
 
@@ -119,6 +120,7 @@ def _show(args: argparse.Namespace) -> Show:
 
 
 def _arguments(args: argparse.Namespace) -> list[str]:
+    load_scenario(args.scenario)  # one clear line here, before a side says it and the others are told to end
     overrides = [*args.overrides, f"world.scenario={args.scenario}"]
     if args.seed is not None:
         overrides += [f"world.seed={args.seed}", f"autopilot.seed={args.seed}", f"pursuit.seed={args.seed}"]
@@ -160,7 +162,7 @@ def main(args: argparse.Namespace) -> int:
             except MissionFailed as failure:
                 log.error("%s", failure)
                 return EXIT_FAILED
-            return _judge(mission, args)
+            return _judge(mission, args, sides.ended())
     except RouterAbsent:
         return 0 if sides.ended() is None and stop.is_set() else EXIT_FAILED
     finally:
@@ -177,7 +179,7 @@ def _watch(sides: Sides, stop: threading.Event) -> None:
             stop.set()
 
 
-def _judge(mission: Mission, args: argparse.Namespace) -> int:
+def _judge(mission: Mission, args: argparse.Namespace, broken: str | None) -> int:
     criteria = Criteria()
     figures, faults = mission.judge(criteria)
     figures = figures | {"world_late_fraction": mission.late_fraction}
@@ -185,6 +187,8 @@ def _judge(mission: Mission, args: argparse.Namespace) -> int:
     to_its_end = args.duration is not None or (args.headless and not isinstance(mission, ChaseMission))
     if to_its_end and not mission.completed:
         faults.append("ended before the mission was over")
+    if broken is not None:
+        faults.append(broken)
     held, not_held = mission.goal
     verdict = "machine too slow to judge" if too_slow else held if not faults else not_held
     if args.report:
@@ -206,7 +210,7 @@ def _judge(mission: Mission, args: argparse.Namespace) -> int:
     for name, value in figures.items():
         print(f"{name:24} {value:.3f}")
     print(verdict + (": " + "; ".join(faults) if faults else ""))
-    if not to_its_end:
+    if not to_its_end and broken is None:
         return 0  # ended by the operator: the figures are for information
     if too_slow:
         return EXIT_TOO_SLOW

@@ -43,6 +43,7 @@ WRONG = [
     (("node", "persuit"), ("persuit", "did you mean 'pursuit'")),
     (("ground", "--without", "camera"), ("camera", "console")),
     (("do", "jump"), ("jump", "takeoff")),
+    (("demo", "--scenario", "mars"), ("mars", "chase")),
 ]
 
 
@@ -103,6 +104,17 @@ def test_taken_autopilot_port_is_named(make_stack: MakeStack) -> None:
         result = _outrider("node", "autopilot", *stack.arguments())
     assert result.returncode == 2
     assert str(stack.autopilot_onboard) in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+@pytest.mark.own_autopilot
+def test_a_demo_one_of_whose_sides_ends_is_a_failure(make_stack: MakeStack) -> None:
+    stack = make_stack()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", stack.autopilot_onboard))
+        result = _outrider("demo", "--headless", *stack.arguments(), timeout_s=60)
+    assert result.returncode == 1
+    assert "the sim side ended with exit code 2" in result.stderr
     assert "Traceback" not in result.stderr
 
 

@@ -42,6 +42,8 @@ def test_every_command_has_help(command: str, flag: str, capsys: pytest.CaptureF
         (["bench", "latency", "--quik"], "unrecognized arguments: --quik"),
         (["preflight", "--wait", "-1"], "expected seconds, 0 or more"),
         (["preflight", "--wait", "long"], "got 'long', expected seconds"),
+        (["track", "film.avi", "--init", "1,1,9,9", "--seed", "-1"], "got '-1', expected a whole number, 0 or more"),
+        (["demo", "--seed", "two"], "got 'two', expected a whole number, 0 or more"),
         (["fly"], "invalid choice: 'fly'"),
     ],
 )

@@ -205,3 +205,8 @@ def test_a_wrong_process_name_gets_a_suggestion() -> None:
     with pytest.raises(ConfigError, match=r"unknown key 'persuit'; did you mean 'pursuit'\?"):
         process("persuit")
     assert process("pursuit") is PROCESSES["pursuit"]
+
+
+def test_a_missing_key_without_a_default_is_named() -> None:
+    with pytest.raises(ConfigError, match=r"people\]: key 'decoder' is missing - at `\$\.detector`; it has no default"):
+        load_config(None, ["people.detector.file=people.onnx"])
