@@ -33,11 +33,15 @@ _LANE = {name: lane for lane, names in _LANES.items() for name in names}
 
 
 def pytest_configure() -> None:
-    """Property tests: no deadline (other processes share the cores), and in CI the same examples in every run."""
+    """Property tests: no deadline (other processes share the cores), and in CI the same examples in every run.
+
+    `--hypothesis-profile thorough` tries 3,000 examples where a test leaves it to the profile.
+    """
     worker = os.environ.get("PYTEST_XDIST_WORKER", "gw0")
     if int(worker.removeprefix("gw")) >= len(_LANES):
         os.nice(5)  # what only computes gives way to what flies
     settings.register_profile("outrider", deadline=None, derandomize=bool(os.environ.get("CI")), print_blob=True)
+    settings.register_profile("thorough", settings.get_profile("outrider"), max_examples=3000)
     settings.load_profile("outrider")
 
 

@@ -31,7 +31,8 @@ CONFIGS = [
 _CONFIG = st.sampled_from(CONFIGS)
 _SPEED = st.floats(-3.0, 3.0)
 _VELOCITY = st.tuples(_SPEED, _SPEED, _SPEED)
-_FAST = settings(max_examples=150, deadline=None)
+_FAST = settings(max_examples=max(150, settings().max_examples))
+"""As many as the profile says, where it says more."""
 
 
 @st.composite
@@ -252,7 +253,7 @@ def test_the_projection_is_the_nearest_point(asked, rows):
         max_size=6,
     )
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=max(60, settings().max_examples // 10))
 def test_many_at_once_are_the_same_as_one_by_one(cases):
     asked = np.array([v for v, _ in cases])
     bounds = np.array([[b for _, b in rows] for _, rows in cases])
