@@ -31,9 +31,8 @@ REACHED_M_S = 0.95 * FULL_M_S
 HEIGHT_M = 1.6
 NEAREST_M = 1.3
 """What the paper's law, flown with low drag, never comes nearer than, m."""
-SETTLED_M = 0.15
-"""The vehicle settles within so much of h_desired, m: a decimetre, and what the point that counts, some pixels of noisy
-depth being nearer, is told too near or too far by."""
+SETTLED_M = 0.2
+"""It stops within so much of h_desired, m: the paper's decimetre, and what the push-back has yet to give back."""
 BESIDE_M = 0.4
 """The same before somebody slender who has just come to a stop, m."""
 FREEZE_AT_M, FREEZE_S = 5.8, 6.0
