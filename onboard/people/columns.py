@@ -95,7 +95,8 @@ def _axes(flat_m: Floats, heights_m: Floats, areas_m2: Array, high: Ints) -> Arr
             gap < _ARMS_M and density < _ARM_DENSITY * denser and below_m2 < _LEAST_LEGS_M2
             for gap, (denser, _) in zip(gaps, places, strict=True)
         )
-        if not arm and min(gaps, default=_APART_M) >= _APART_M:
+        much = float(weights[np.linalg.norm(trunks - place, axis=1) < _CORE_M].sum()) >= _LEAST_CORE_M2
+        if much and not arm and min(gaps, default=_APART_M) >= _APART_M:
             places.append((density, place))
     return np.array([place for _, place in places]).reshape(-1, 2)
 

@@ -106,6 +106,9 @@ class PoseFilterConfig(Section, frozen=True, kw_only=True):
     """Greatest extent over it."""
     least_inside: Fraction = 0.6
     """Least share of the joints that lie on the region that they were found in."""
+    least_head: Fraction = 0.5
+    """Least share of the head that lies on a region with depth that no picture's edge cuts. On simulated people who lie
+    and sit it is 0.7 and more, on planks that somebody's legs touch at most 0.43."""
     least_upright_m: Positive = 0.6
     """Least height of somebody who is upright below the camera, m: who sits."""
     least_upright_presence: Fraction = 0.15

@@ -14,6 +14,9 @@ from onboard.people.regions import Region
 
 _MARGIN = 0.06
 """How far beside its region a joint may lie, as a share of the region's longer side."""
+_OF_CUT = 0.5
+"""Where the depth picture ends within a region and the head is before that end, so much less of the joints need lie on
+the region: the colour picture shows more of the body."""
 _SEEN = 0.5
 _SAME, _MOST = 0.1, 0.6
 """Joints within this share of a body's length of its bones are on it; and the share of all that makes a pose its."""
@@ -57,7 +60,9 @@ def pose_refusal(pose: Pose, region: Region, config: PoseFilterConfig, focal_px:
     if not np.isfinite(pose.joints_px).all():
         return "joints that are no numbers"
     inside = share_inside(pose, region)
-    beside = inside < config.least_inside
+    head = head_inside(pose, region)
+    more = region.cut and head >= config.least_head  # of the body than the depth picture shows
+    beside = inside < config.least_inside * (_OF_CUT if more else 1.0)
     if focal_px is not None and not beside and not foreshortened_refusal(pose, region, config, focal_px):
         return ""
     if pose.presence < config.least_presence:
@@ -73,12 +78,14 @@ def pose_refusal(pose: Pose, region: Region, config: PoseFilterConfig, focal_px:
     if trunk < config.least_trunk * length:
         return f"trunk {trunk / max(length, 1e-9):.2f} body lengths long, less than {config.least_trunk}"
     share = float(np.ptp(pose.joints_px @ pose.up)) / max(region_px, 1e-9)
-    if not config.least_filled <= share <= config.most_filled:
+    if share < config.least_filled or (share > config.most_filled and not more):
         return f"a body {share:.2f} times as long as the region"
     if focal_px is not None and region.camera_p_m is not None:
         extent_m = float(np.ptp(pose.joints_px, axis=0).max()) * region.camera_p_m[2] / focal_px
         if not config.least_body_m <= extent_m <= config.most_body_m:
             return f"a body {extent_m:.2f} m long"
+    if region.camera_p_m is not None and not region.at_edge and head < config.least_head:
+        return f"{head:.2f} of the head on the region, less than {config.least_head}"
     return f"{inside:.2f} of the joints on the region, less than {config.least_inside}" if beside else ""
 
 
@@ -157,3 +164,17 @@ def share_inside(pose: Pose, region: Region) -> float:
     places = np.round(seen - (x - margin, y - margin)).astype(int)
     within = ((places >= 0) & (places < (grown.shape[1], grown.shape[0]))).all(axis=1)
     return float(grown[places[within, 1], places[within, 0]].sum()) / len(places)
+
+
+def head_inside(pose: Pose, region: Region) -> float:
+    """Share of a disc around the head, half as wide as the neck is long, that lies on the region's mask: a body made up
+    of planks and the legs of somebody beside has its head on the ground."""
+    _, _, width, height = region.box_px
+    radius = max(2, round(0.5 * float(np.linalg.norm(pose.joints_px[HEAD] - pose.joints_px[NECK]))))
+    middle = np.round(pose.joints_px[HEAD] - region.box_px[:2]).astype(int)
+    side = np.arange(-radius, radius + 1)
+    columns, rows = (axis.ravel() for axis in np.meshgrid(side, side))
+    disc = columns**2 + rows**2 <= radius**2
+    columns, rows = columns[disc] + middle[0], rows[disc] + middle[1]
+    within = (columns >= 0) & (rows >= 0) & (columns < width) & (rows < height)
+    return float(region.mask[rows[within], columns[within]].sum()) / len(within)

@@ -28,6 +28,8 @@ _PARTLY = 0.25
 """What is new at the picture's edge can wait for what is new and whole."""
 _LYING_M, _LONG_M, _WIDE_M, _HEAD_M2 = 0.6, (1.1, 2.6), 0.25, 0.08
 """Height, lengths and least width of somebody who lies, m; largest head from above, m²."""
+_UNBROKEN_S = 0.35
+"""Sight of somebody is unbroken over gaps up to this."""
 _LIES = 0.5
 """Who reaches to less than this share of a standing height does not stand."""
 _SAME_SHAPE = 0.1
@@ -138,7 +140,7 @@ class Watch:
         """The spot of each sight of a picture, in their order; new ones for what was not there before."""
         limit_ns = round(self.config.forget_s * 1e9)
         self.spots = [spot for spot in self.spots if t_ns - spot.seen_ns <= limit_ns]
-        costs = np.array([[self._distance(spot, sight) for sight in sights] for spot in self.spots])
+        costs = np.array([[self._distance(spot, sight, t_ns) for sight in sights] for spot in self.spots])
         found: dict[int, Spot] = {}
         for row, column in assign(costs, 1.0):
             spot = self.spots[row]
@@ -165,11 +167,14 @@ class Watch:
             if spot.number == number:
                 spot.number = into
 
-    def _distance(self, spot: Spot, b: Sight) -> float:
-        """0 for the same place, 1 where the same region cannot be."""
+    def _distance(self, spot: Spot, b: Sight, t_ns: int) -> float:
+        """0 for the same place, 1 where the same region cannot be. Who was out of sight comes back as a body, or has to
+        be found again: what lies where they were may be somebody else."""
         a = spot.sight
         if b.body is not None and spot.number:
             return 0.0 if spot.number == b.body.number else 1.0
+        if spot.number and t_ns - spot.seen_ns > _UNBROKEN_S * 1e9:
+            return 1.0
         if spot.number and spot.posed is not None and _other_height(spot.posed.region, b.region):
             return 1.0
         if a.ned_p_m is not None and b.ned_p_m is not None:

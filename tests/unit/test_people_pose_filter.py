@@ -10,7 +10,7 @@ import pytest
 
 from onboard.people.config import PoseFilterConfig
 from onboard.people.pose import ANKLE_L, ANKLE_R, HEAD, KNEE_L, KNEE_R, NECK, Pose
-from onboard.people.pose_filter import foreshortened_refusal, pose_refusal, share_inside, upright
+from onboard.people.pose_filter import foreshortened_refusal, head_inside, pose_refusal, share_inside, upright
 from onboard.people.regions import Crown, Region
 from tests.unit.people_bodies import STANDING, moved, pose, region_of
 
@@ -50,6 +50,26 @@ def test_one_foot_above_the_neck_is_refused():
     joints = STANDING.copy()
     joints[ANKLE_L] = [60.0, -30.0]
     assert _refusal(joints)
+
+
+def test_a_body_whose_head_lies_beside_its_region_is_refused_with_depth():
+    region = replace(region_of(STANDING), camera_p_m=(0.0, 0.0, 5.0))
+    rows, _ = np.indices(region.mask.shape)
+    headless = replace(region, mask=region.mask & (rows + region.box_px[1] > 9))
+    assert head_inside(pose(), region) > 0.9 and head_inside(pose(), headless) < 0.1
+    assert pose_refusal(pose(), region, CONFIG) == ""
+    assert "of the head on the region" in pose_refusal(pose(), headless, CONFIG)
+    assert pose_refusal(pose(), replace(headless, at_edge=True), CONFIG) == "", "the picture may end before the head"
+
+
+def test_of_a_region_that_the_depth_picture_cuts_the_head_is_enough():
+    region = replace(region_of(STANDING), camera_p_m=(0.0, 0.0, 5.0))
+    rows, _ = np.indices(region.mask.shape)
+    above = replace(region, mask=region.mask & (rows + region.box_px[1] < 35), at_edge=True)
+    assert "times as long as the region" in pose_refusal(pose(), above, CONFIG)
+    assert pose_refusal(pose(), replace(above, cut=True), CONFIG) == ""
+    below = replace(region, mask=region.mask & (rows + region.box_px[1] > 75), at_edge=True, cut=True)
+    assert pose_refusal(pose(), below, CONFIG)
 
 
 def test_no_head_no_person():
