@@ -331,5 +331,5 @@ def _detection(spot: Spot, t_ns: int) -> Detection:
         fresh=spot.posed_ns == t_ns,
         evidence=spot.evidence,
         followed=sight.body is not None and sight.body.number == spot.number,
-        whole=not sight.region.cut,
+        whole=not sight.region.at_edge,
     )

@@ -23,6 +23,8 @@ _NEAREST_PERCENT = 2.0
 """The nearest point of a body is the one at this percentile of the distances: nearer ones are flying pixels."""
 _BODY_SIGMA_M = 0.1
 """How far the middle of what is seen may lie from the middle of the body, m."""
+_CUT_SIGMA_M = 0.35
+"""The same where a picture ends within the body."""
 
 
 @dataclass(frozen=True)
@@ -178,7 +180,7 @@ class DepthSearch:
         return Sight(
             region,
             vehicle.ned_p_m + offset,
-            self._covariance(offset),
+            self._covariance(offset, _CUT_SIGMA_M if region.at_edge else _BODY_SIGMA_M),
             vehicle.ned_p_m + nearest,
             self._registration.points(members),
             cluster.area_m2,
@@ -188,14 +190,13 @@ class DepthSearch:
             trunk,
         )
 
-    def _covariance(self, ned_offset_m: Array) -> Array:
+    def _covariance(self, ned_offset_m: Array, body_sigma_m: float) -> Array:
         """(3, 3) of a place at an offset from the vehicle: a wrong attitude swings it about the vehicle."""
         distance = float(np.linalg.norm(ned_offset_m))
         along = ned_offset_m / max(distance, 1e-9)
         swing = (self._config.attitude_sigma_rad * distance) ** 2
-        return (self._config.position_sigma_m**2 + _BODY_SIGMA_M**2 + swing) * np.eye(3) - swing * np.outer(
-            along, along
-        )
+        spread = self._config.position_sigma_m**2 + body_sigma_m**2 + swing
+        return spread * np.eye(3) - swing * np.outer(along, along)
 
 
 def in_body(camera: Camera, camera_p_m: ArrayLike) -> Array:

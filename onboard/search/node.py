@@ -46,8 +46,13 @@ class SearchNode(Node):
         self._limiter = config.section(LimiterConfig)
         self._contained = config.section(HelmConfig).containment
         cameras = config.section(CamerasConfig).by_name()
-        camera = cameras[config.section(PeopleConfig).camera or "down"].camera()
-        self._spacing_m = swath_m(camera, self._config.height_m) * (1.0 - self._config.overlap)
+        people = config.section(PeopleConfig)
+        eye = cameras[people.camera or "down"]
+        depth = eye.depth_camera() if people.use_depth else None
+        # Who is beside the depth picture is not found, however wide the colour picture is.
+        eyes = [eye.camera(), *([] if depth is None else [depth.camera])]
+        swaths_m = [swath_m(camera, self._config.height_m) for camera in eyes]
+        self._spacing_m = min(swaths_m) * (1.0 - self._config.overlap)
         self._state: Received[VehicleState] | None = None
         self._way: Array = np.zeros((0, 2))
         self._next = 0

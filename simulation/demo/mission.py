@@ -19,13 +19,14 @@ from common.bus import Bus
 from common.header import Received
 from common.messages import Command, HelmStatus, Track
 from common.truth import Truth
-from simulation.demo.operator import Operator
+from simulation.demo.operator import MissionFailed, Operator
 from simulation.demo.report import ChaseRecorder, Criteria
 
 log = logging.getLogger(__name__)
 
 _HEIGHT_M = 5.0
 _LINE_EVERY_S = 10.0
+_DRAWN_TIMES, _DRAWN_AGAIN_S = 4, 0.5
 
 
 class ChaseMission(Operator):
@@ -96,15 +97,29 @@ class ChaseMission(Operator):
         return self.truth is not None and self.truth.message.target_visible
 
     def _select(self) -> None:
-        """Draw the box around the car in the newest picture."""
+        """Draw the box around the car in the newest picture.
+
+        Raises:
+            MissionFailed: it was refused, on later pictures too: a machine that stood still keeps none of that time.
+        """
+        for tries_left in reversed(range(_DRAWN_TIMES)):
+            try:
+                self._draw()
+            except MissionFailed:
+                if not tries_left or self.stop.wait(_DRAWN_AGAIN_S):
+                    raise
+            else:
+                break
+        self.recorder.selections += 1
+
+    def _draw(self) -> None:
         if self.truth is None or not self.truth.message.target_corners_px:
-            return
+            raise MissionFailed("the car is out of view: there is nothing to draw a box around")
         box, angle_rad = box_of_corners(self.truth.message.target_corners_px, self.truth.message)
         self.command(
             "pursuit/do/select",
             Command(box_px=box, angle_rad=angle_rad, capture_ns=self.truth.header.capture_ns, operator="demo"),
         )
-        self.recorder.selections += 1
 
     def _watch_chase(self) -> None:
         start = time.monotonic()

@@ -36,7 +36,9 @@ _APPROACH_S = 40.0
 _HOLD_S = 2.0
 _GOAL_M = 0.4
 _NEAR_M = 0.5
-"""A person counts as found when somebody is reported this near to them, m; the same bound for the mean error."""
+"""How near to somebody they have to be reported, m: in the mean of all pictures, and on the map in the end."""
+_SAME_M = 1.5
+"""Who is reported this near to a person of the scene is that person, m; how near is judged after that."""
 _FAR_M = 1e3
 _WITHIN_NS = 150_000_000
 
@@ -52,7 +54,7 @@ class Match:
 
 
 def match(found: Mapping[int, Sequence[float]], there: Mapping[str, Sequence[float]]) -> dict[int, Match]:
-    """Who is who: the assignment of the least distances, none farther than half a metre.
+    """Who is who: the assignment of the least distances, none farther than a metre and a half.
 
     Args:
         found: north and east, m, of each reported person.
@@ -63,8 +65,8 @@ def match(found: Mapping[int, Sequence[float]], there: Mapping[str, Sequence[flo
     if not numbers or not labels:
         return result
     apart = np.array([[math.dist(found[n][:2], there[name][:2]) for name in labels] for n in numbers])
-    for row, column in zip(*linear_sum_assignment(np.where(apart <= _NEAR_M, apart, _FAR_M)), strict=True):
-        if apart[row, column] <= _NEAR_M:
+    for row, column in zip(*linear_sum_assignment(np.where(apart <= _SAME_M, apart, _FAR_M)), strict=True):
+        if apart[row, column] <= _SAME_M:
             result[numbers[row]] = Match(labels[column], float(apart[row, column]))
     return result
 
@@ -91,6 +93,8 @@ class RescueMission(Operator):
         self._truths: list[Received[Truth]] = []
         self._errors: dict[str, list[float]] = {}
         """Position errors of each person of the scene, m, picture by picture while they were seen."""
+        self._map_errors: dict[int, float] = {}
+        """Of the place on the map of each reported number, m, when they were last seen."""
         self._claims: dict[int, set[str]] = {}
         """Whom each reported number was, over time."""
         self._closest_m = math.inf
@@ -127,6 +131,7 @@ class RescueMission(Operator):
         believed = [p for p in self._roll if p.state in ("seen", "away")]
         strangers = [p for p in believed if not self._claims.get(p.number)]
         doubles = [p for p in believed if len(self._claims.get(p.number, ())) > 1]
+        on_map = [self._map_errors.get(p.number, math.inf) for p in believed if p not in strangers]
         figures = {
             "people_in_scene": float(len(there)),
             "people_found": float(len(errors)),
@@ -134,6 +139,7 @@ class RescueMission(Operator):
             "false_people": float(len(strangers)),
             "position_error_mean_m": float(np.mean(errors)) if errors else math.nan,
             "position_error_max_m": max(errors, default=math.nan),
+            "map_error_max_m": max(on_map, default=math.nan),
             "closest_m": self._closest_m,
             "people_rate_hz": self._rate_hz(),
             **self._figures,
@@ -146,8 +152,9 @@ class RescueMission(Operator):
             faults.append(f"reported people where nobody is: {', '.join(p.name for p in strangers)}")
         if doubles:
             faults.append(f"one number for several people: {', '.join(p.name for p in doubles)}")
-        if figures["position_error_max_m"] > _NEAR_M:
-            faults.append(f"position_error_max_m {figures['position_error_max_m']:.2f}, expected {_NEAR_M:g} or less")
+        for name in ("position_error_max_m", "map_error_max_m"):
+            if figures[name] > _NEAR_M:
+                faults.append(f"{name} {figures[name]:.2f}, expected {_NEAR_M:g} or less")
         h_min_m = self._limiter.h_min_m if self._limiter is not None else math.nan
         if not self._closest_m >= h_min_m:
             faults.append(f"came to {self._closest_m:.2f} m of somebody or something, expected {h_min_m:g} or more")
@@ -168,6 +175,11 @@ class RescueMission(Operator):
             if person.state == "seen" and person.number not in known:
                 log.info("found %s at %s", person.name, _place(person))
         self._roll = received.message.people
+        for person in self._roll:
+            truth = self._truth_at(person.last_seen_ns)
+            if person.state == "seen" and person.ned_p_m is not None and truth is not None:
+                found = match({person.number: person.ned_p_m}, self._there(truth))
+                self._map_errors[person.number] = found[person.number].error_m
 
     def _on_detections(self, received: Received[PeopleDetections]) -> None:
         """Compare the places of who is seen with the truth of the picture's time."""

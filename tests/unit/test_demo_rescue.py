@@ -17,11 +17,12 @@ from simulation.demo.rescue import RescueMission, match
 MS = 1_000_000
 
 
-def test_people_are_matched_to_the_nearest_and_to_none_beyond_half_a_metre():
+def test_people_are_matched_to_the_nearest_and_to_nobody_far_off():
     there = {"person 1": (0.0, 0.0), "person 2": (1.0, 0.0), "person 3": (9.0, 0.0)}
-    found = match({4: (0.7, 0.0), 5: (0.6, 0.1), 6: (8.4, 0.0)}, there)
+    found = match({4: (0.7, 0.0), 5: (2.2, 1.1), 6: (8.4, 0.0), 7: (7.4, 0.0)}, there)
     assert found[4].label == "person 2" and found[4].error_m == pytest.approx(0.3)
-    assert found[5].label == found[6].label == "" and math.isinf(found[6].error_m)
+    assert found[6].label == "person 3" and found[6].error_m == pytest.approx(0.6)
+    assert found[5].label == found[7].label == "" and math.isinf(found[7].error_m)
     assert match({}, there) == {} and match({1: (0.0, 0.0)}, {})[1].label == ""
 
 
@@ -42,7 +43,15 @@ class Mission(RescueMission):
         ]
         self.on_truth(self._received(_truth(tuple(things))))
         people = [
-            Person(number=n, name=f"person {n}", state="seen", ned_p_m=p, first_seen_ns=0, last_seen_ns=0, pictures=4)
+            Person(
+                number=n,
+                name=f"person {n}",
+                state="seen",
+                ned_p_m=p,
+                first_seen_ns=0,
+                last_seen_ns=self.ms * MS,
+                pictures=4,
+            )
             for n, p in found.items()
         ]
         self._on_roll(self._received(People(people=tuple(people))))
@@ -105,7 +114,7 @@ def test_everybody_found_is_no_fault():
     figures, faults = mission.faults()
     assert faults == []
     assert (figures["people_in_scene"], figures["people_found"], figures["people_reported"]) == (2, 2, 2)
-    assert figures["position_error_max_m"] == pytest.approx(0.2)
+    assert figures["position_error_max_m"] == figures["map_error_max_m"] == pytest.approx(0.2)
     assert figures["people_rate_hz"] == pytest.approx(10.0) and figures["closest_m"] == 4.0
 
 
@@ -122,3 +131,11 @@ def test_who_is_missing_who_is_nobody_and_who_is_two_are_named():
     mission.see({1: (0.1, 3.0, -0.1)}, THERE)
     mission.see({1: (4.0, 0.0, -0.1)}, THERE)
     assert mission.faults()[1] == ["one number for several people: person 1"]
+
+
+def test_a_place_on_the_map_that_the_last_picture_moved_away_is_a_fault():
+    mission = Mission()
+    for _ in range(9):
+        mission.see({1: (0.0, 3.0, -0.1), 2: (4.0, 0.2, -0.9)}, THERE)
+    mission.see({1: (0.7, 3.0, -0.1)}, THERE)
+    assert mission.faults()[1] == ["map_error_max_m 0.70, expected 0.5 or less"]

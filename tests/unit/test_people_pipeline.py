@@ -90,6 +90,28 @@ def test_a_turned_and_moved_vehicle_finds_them_at_the_same_places(first: Frame):
     np.testing.assert_allclose(got, expected, atol=0.35)
 
 
+def test_what_the_edge_of_an_aligned_sensors_picture_cuts_off_does_not_move_a_place():
+    people = pipeline(Knower(), watch=WatchConfig(budget_ms=0.0))
+
+    def seen_from(west_m: float, t_s: float) -> Sight:
+        """Somebody who lies 0.5 m north of home, from so far west of them."""
+        scene = DepthScene((person("lying", west_m, 0.5, 0.4),), 5.0, camera=DOWN)
+        (found,) = people.look(at(frame(scene, t_s, above(5.0, 0.0, -west_m)), t_s)).people
+        assert found.number == 1
+        return found.sight
+
+    sights = [seen_from(0.0, 0.1 * step) for step in range(4)]
+    (known,) = people.tracks
+    half_m = 5.0 * DOWN.width / (2.0 * DOWN.fx_px)
+    cut = seen_from(half_m - 0.1, 0.4)
+    (after,) = people.tracks
+    assert known.ned_p_m is not None and after.ned_p_m is not None and cut.ned_p_m is not None
+    assert cut.ned_p_m[1] < known.ned_p_m[1] - 0.15, "half of them lies beyond the edge"
+    np.testing.assert_allclose(after.ned_p_m, known.ned_p_m)
+    whole_m2, cut_m2 = sights[-1].ned_p_cov_m2, cut.ned_p_cov_m2
+    assert whole_m2 is not None and cut_m2 is not None and cut_m2[1, 1] > 2.0 * whole_m2[1, 1], "and it says so"
+
+
 def test_the_budget_holds_and_nobody_is_forgotten(first: Frame):
     knower = Knower()
     people = pipeline(knower, watch=WatchConfig(budget_ms=55.0))

@@ -152,6 +152,14 @@ def test_the_whole_way_is_flown_then_nothing_is_asked():
     assert len(vehicle.asked) == asked
 
 
+def test_lines_lie_as_close_as_depth_sees_where_that_is_less():
+    depth = "camera.down.depth={aligned=false,width=320,height=240,fx_px=320.0,fy_px=320.0,cx_px=159.5,cy_px=119.5}"
+    narrow = Vehicle(depth).begin()
+    assert narrow is not None and narrow.reason.startswith("3 lines"), "5.0 m wide instead of 7.3 m"
+    colour_alone = Vehicle(depth, "people.use_depth=false").begin()
+    assert colour_alone is not None and colour_alone.reason.startswith("2 lines")
+
+
 def test_what_blocks_the_way_is_left_out_and_an_approach_only_interrupts():
     vehicle = Vehicle()
     vehicle.begin()
