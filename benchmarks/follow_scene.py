@@ -19,7 +19,14 @@ from numpy.typing import NDArray
 
 from benchmarks.follow_solids import Solid, blotches
 from common.geometry.camera import Camera
-from common.geometry.rotation import quat_conjugate, quat_multiply, quat_rotate, quat_to_matrix
+from common.geometry.rotation import (
+    as_quat,
+    quat_conjugate,
+    quat_from_euler,
+    quat_multiply,
+    quat_rotate,
+    quat_to_matrix,
+)
 from common.tracking.base import Box
 
 Array = NDArray[np.float64]
@@ -31,11 +38,12 @@ _NOISE_PLACES = 64
 _EXPOSURE_S = 0.008
 
 
-def camera(width: int, height: int, fov_rad: float, rate_hz: float = 30.0) -> Camera:
-    """A camera without distortion that looks along the nose, with this horizontal field of view."""
+def camera(width: int, height: int, fov_rad: float, rate_hz: float = 30.0, down_rad: float = 0.0) -> Camera:
+    """A camera without distortion that looks along the nose, or below it, with this horizontal field of view."""
     focal = width / 2 / math.tan(fov_rad / 2)
     middle, none = ((width - 1) / 2, (height - 1) / 2), (0.0, 0.0, 0.0, 0.0, 0.0)
-    return Camera(width, height, focal, focal, *middle, none, FORWARD, (0.0, 0.0, 0.0), 0.0, rate_hz)
+    mount = as_quat(quat_multiply(quat_from_euler(0.0, -down_rad, 0.0), FORWARD))
+    return Camera(width, height, focal, focal, *middle, none, mount, (0.0, 0.0, 0.0), 0.0, rate_hz)
 
 
 @dataclass

@@ -17,8 +17,8 @@ from benchmarks.follow_score import Score, box_of
 from common.geometry.rotation import euler_from_quat
 from common.tracking.base import Box, Tracker
 from onboard.follow.config import FollowConfig
-from onboard.follow.law import FollowLaw, Vehicle
-from onboard.follow.sight import Sight, TargetPlace
+from onboard.follow.law import Vehicle
+from onboard.follow.steering import Steering
 from onboard.fusion.depth import DepthConfig
 from onboard.helm.arbiter import HOVER, Verdict
 from onboard.helm.config import HelmConfig
@@ -35,6 +35,7 @@ from simulation.autopilot.vehicle import SimulatedVehicle
 
 _SIZE_PX, _FIELD_RAD = (320, 240), math.radians(70.0)
 _EYE_M = 1.5
+_DOWN_RAD = math.radians(10.0)  # a person 4 m ahead has as much room below his feet as above his head
 _HEADROOM_M = 60.0
 
 
@@ -112,10 +113,9 @@ def follow(course: Course, tracker: Tracker, quadrotor: Quadrotor) -> Score:
     Each picture's request reaches the vehicle one picture later.
     """
     cv2.setNumThreads(1)
-    eye = camera(*_SIZE_PX, _FIELD_RAD, RATE_HZ)
-    score, config = Score(eye, RATE_HZ), FollowConfig(camera="front")
-    law, sight, place = FollowLaw(config, ahead=True), Sight(eye, config, DepthConfig()), TargetPlace(config)
-    verdict, seen_ns, begun_ns = HOVER, 0, quadrotor.t_ns
+    eye = camera(*_SIZE_PX, _FIELD_RAD, RATE_HZ, _DOWN_RAD)
+    score, steering = Score(eye, RATE_HZ), Steering(FollowConfig(camera="front"), DepthConfig(), eye)
+    verdict, begun_ns = HOVER, quadrotor.t_ns
     for index in range(course.frames):
         t_ns = quadrotor.t_ns
         truly = quadrotor.lens(eye)
@@ -131,18 +131,12 @@ def follow(course: Course, tracker: Tracker, quadrotor: Quadrotor) -> Score:
         else:
             box = box_of(tracker.update(frame, t_ns))
         pose, vehicle = quadrotor.known()
-        if box is not None and (found := sight.place(t_ns, box, pose)) is not None:
-            place.measure(found, t_ns)
-            seen_ns = t_ns
-        ahead = place.at(t_ns)
-        asked = HOVER
-        if ahead is not None and t_ns - seen_ns <= config.coast_s * 1e9:
-            request = law.ask(ahead, vehicle, t_ns)
-            asked = Verdict("follow", request.vector, request.yaw_rate_rad_s, 0.0)
+        request = steering.step(t_ns, box, pose, vehicle)
+        asked = HOVER if request is None else Verdict("follow", request.vector, request.yaw_rate_rad_s, 0.0)
         stick_rad_s = course.operators_turn_rad_s(index)
         if stick_rad_s is not None:
             asked = Verdict("operator", (0.0, 0.0, 0.0), stick_rad_s, 0.0)
-            law.restart()
+            steering.restart()
         quadrotor.fly(verdict, begun_ns + round((index + 1) * 1e9 / RATE_HZ))
         verdict = asked
         score.note(None if truth is None else truth.box, hidden_share(lens, target, others), box)

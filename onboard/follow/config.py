@@ -46,6 +46,10 @@ class FollowConfig(Section, frozen=True, kw_only=True):
     distance_m: NonNegative = 0.0
     """Facing it: distance at the start, m; 0: from the depth camera, or else from where the target's foot meets level
     ground at home's height."""
+    keep: Literal["whole", "first"] = "whole"
+    """Facing it: the distance at the start, but no less than that from which the target stays whole in the picture with
+    the nose as far up or down as `slew_m_s2` tilts it (a target that the edge cuts is read as farther, and flown nearer
+    to); or the first one in any case."""
     process_m_s2: Positive = 1.5
     """Target's acceleration that its filter reckons with (white, standard deviation), m/s²."""
     measurement_m: Positive = 0.06

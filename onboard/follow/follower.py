@@ -14,8 +14,8 @@ from common.geometry.camera import Camera
 from common.messages import Request, Track
 from common.tracking.base import Box
 from onboard.follow.config import FollowConfig
-from onboard.follow.law import FollowLaw, Vehicle
-from onboard.follow.sight import Sight, TargetPlace, looks_ahead
+from onboard.follow.law import Vehicle
+from onboard.follow.steering import Steering
 from onboard.fusion.center import Fused
 from onboard.fusion.config import FusionConfig, HabDfConfig
 from onboard.fusion.depth import DepthConfig
@@ -50,26 +50,19 @@ class Follower:
 
     def __init__(self, config: Config, camera: Camera):
         self._config = config.section(FollowConfig)
-        self._depth = config.section(DepthConfig)
-        self._camera = camera
         names = config.section(HabDfConfig).members
         pool = MemberPool(names, config, self._config.seed, camera.width * camera.height * 3)
         settings = self._config
         self.fusion = LiveHabDf(pool, config.section(FusionConfig), settings.answer_within_s, settings.frozen_after_s)
         """The fused trackers."""
-        self._law = FollowLaw(settings, looks_ahead(camera))
-        self._sight = Sight(camera, settings, self._depth)
-        self._place = TargetPlace(settings)
+        self._steering = Steering(settings, config.section(DepthConfig), camera)
         self._pictures: deque[tuple[int, np.ndarray]] = deque(maxlen=_KEPT_PICTURES)
-        self._measured_ns = 0
         self.active = False
         """Whether there is a target."""
 
     def calibrate(self, camera: Camera) -> None:
         """Take another calibration; pictures larger than the trackers' memory are refused later, by name."""
-        if camera != self._camera:
-            self._camera = camera
-            self._sight = Sight(camera, self._config, self._depth)
+        self._steering.calibrate(camera)
 
     def picture_at(self, capture_ns: int) -> tuple[int, np.ndarray] | None:
         """The kept picture of this stamp (0: the newest), ns; None when it is not kept."""
@@ -105,10 +98,7 @@ class Follower:
                 "set its width and height there"
             )
         self.fusion.select(frame, box, angle_rad, t_ns)
-        self._law.reset()
-        self._place.reset()
-        self._sight = Sight(self._camera, self._config, self._depth)
-        self._measured_ns = 0
+        self._steering.reset()
         self.active = True
 
     def drop(self) -> None:
@@ -118,7 +108,7 @@ class Follower:
 
     def unobeyed(self) -> None:
         """Helm flies something else: the next request begins at the vehicle's own velocity."""
-        self._law.restart()
+        self._steering.restart()
 
     def step(
         self,
@@ -139,24 +129,10 @@ class Follower:
         """
         fused = self.fusion.step(frame, t_ns)
         box = self.fusion.box
-        why_not = "" if pose is not None and vehicle is not None else "no vehicle state for this picture"
-        seen = self.fusion.sees(t_ns)
-        if fused.state == "tracking" and box is not None and pose is not None:
-            patch = None if depth_m is None else _inside(depth_m, box, frame.shape)
-            found = self._sight.place(t_ns, box, pose, patch)
-            if found is None:
-                why_not = self._sight.why_not
-            else:
-                self._place.measure(found, t_ns)
-                self._measured_ns = t_ns
-        request = None
-        state = self._place.at(t_ns)
-        away_s = (t_ns - self._measured_ns) / 1e9
-        if state is not None and vehicle is not None and away_s <= self._config.coast_s:
-            request = self._law.ask(state, vehicle, t_ns)
-        elif not why_not:
-            why_not = f"target not seen for {min(away_s, 999.0):.1f} s"
-        return Followed(_track(fused, seen, box, "" if request is not None else why_not), request)
+        seen = box if fused.state == "tracking" else None
+        patch = None if depth_m is None or seen is None else _inside(depth_m, seen, frame.shape)
+        request = self._steering.step(t_ns, seen, pose, vehicle, patch)
+        return Followed(_track(fused, self.fusion.sees(t_ns), box, self._steering.why_not), request)
 
     def close(self) -> None:
         """End the trackers."""

@@ -64,6 +64,8 @@ class FollowLaw:
 
     def reset(self) -> None:
         """Forget set-points and the last request."""
+        self.least_m = 0.0
+        """Facing it: least distance that is kept, m, where it is nearer at first."""
         self._distance_m: float | None = None
         self._drop_m: float | None = None
         self._course_offset_rad: float | None = None
@@ -76,6 +78,8 @@ class FollowLaw:
 
     def ask(self, target: TargetState, vehicle: Vehicle, t_ns: int) -> Request:
         """Velocity, NED, and heading rate; the first call's distance and height difference are the set-points.
+
+        Facing it, a first distance below `least_m` is opened to that.
 
         Args:
             target: where it is and how it moves.
@@ -91,7 +95,7 @@ class FollowLaw:
         apart = target.ned_p_m - vehicle.ned_p_m
         opening = target.ned_v_m_s - vehicle.ned_v_m_s
         if self._distance_m is None or self._drop_m is None:
-            self._distance_m, self._drop_m = float(np.hypot(*apart[:2])), float(apart[2])
+            self._distance_m, self._drop_m = max(self.least_m, float(np.hypot(*apart[:2]))), float(apart[2])
         down = 0.0
         if self._config.height == "scale":
             down = self._place.rate(float(apart[2]) - self._drop_m, float(opening[2]), float(target.ned_v_m_s[2]))

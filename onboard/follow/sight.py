@@ -18,6 +18,7 @@ from onboard.proximity.pose import Pose
 
 Array = NDArray[np.float64]
 _LEAST_HEIGHT_M = 0.3
+_GRAVITY_M_S2 = 9.81
 _LONGEST_GAP_S = 3.0
 _START_M_S = 1.0
 _STEEP = 0.7  # the optical axis is more down than this: below; its down component, 45 degrees
@@ -26,6 +27,34 @@ _STEEP = 0.7  # the optical axis is more down than this: below; its down compone
 def looks_ahead(camera: Camera) -> bool:
     """Whether the camera looks more ahead than down."""
     return float(quat_rotate(camera.body_q_camera, np.array([0.0, 0.0, 1.0]))[2]) < _STEEP
+
+
+def whole_from_m(camera: Camera, box: Box, pose: Pose, level_m: float, acceleration_m_s2: float) -> float:
+    """Level distance from which a target ahead stays whole in the picture while the vehicle brakes and speeds up, m.
+
+    Both ends of the target keep their heights against the vehicle; nearer, they are seen steeper. What is left between
+    them and the picture's edges must hold the tilt of an acceleration, or, in a narrow picture, half of the angle from
+    the horizon to the edge.
+
+    Args:
+        camera: calibration and mounting.
+        box: the target, px, somewhere in a picture.
+        pose: the vehicle then.
+        level_m: its level distance then, m.
+        acceleration_m_s2: largest acceleration, m/s².
+    """
+    tilt_rad = math.atan(acceleration_m_s2 / _GRAVITY_M_S2)
+    column, least_m = box[0] + box[2] / 2, 0.0
+    # Downwards is positive for the lower end, upwards for the upper one.
+    for sign, end_px, edge_px in ((1.0, box[1] + box[3], float(camera.height)), (-1.0, box[1], 0.0)):
+        end, edge = camera.rays([(column, end_px), (camera.cx_px, edge_px)])
+        ned = quat_rotate(pose.ned_q_body, quat_rotate(camera.body_q_camera, end))
+        level = quat_rotate(camera.body_q_camera, edge)
+        off_m = sign * level_m * float(ned[2]) / max(float(np.hypot(ned[0], ned[1])), 1e-6)
+        edge_rad = math.atan2(sign * float(level[2]), float(level[0]))
+        if off_m > 0.0 and edge_rad > 0.0:
+            least_m = max(least_m, off_m / math.tan(max(edge_rad - tilt_rad, edge_rad / 2)))
+    return least_m
 
 
 class Sight:

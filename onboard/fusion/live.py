@@ -113,6 +113,8 @@ class LiveHabDf:
         for name, answer in answers.items():
             self.late += answer.t_ns < t_ns
             if answer.result is not None:
+                if answer.result.state == "tracking" and name in self._said and self._said[name][1].state != "tracking":
+                    self._fusion.forget(name)  # it has found the target again, maybe elsewhere
                 self._said[name] = (answer.t_ns, answer.result)
             if name in verdict.silent or (answer.result is None and answer.error):
                 measurements.append(Measurement(name, answer.t_ns, None))
@@ -163,26 +165,20 @@ class LiveHabDf:
             check_box(frame, box, 0.0)
         except ValueError:
             return  # the box leaves the picture: there is nothing to start on yet
-        boxes, inside = self.member_boxes(t_ns), whole(box, frame.shape)
-
-        def movable(name: str) -> bool:
-            # Trackers that shrink onto what the edge leaves of the target agree there against the one that does not.
-            return boxes[name] is None or (inside and may_move(True, fused))
-
+        boxes = self.member_boxes(t_ns)
         for name, member in self.pool.members.items():
             recent = t_ns - self._wanted.get(name, -(10**18)) < 1e9 * self._config.restart_every_s
             if not member.started:
                 if member.ask(Ask("init", t_ns, frame.shape, box), frame):
                     self._fusion.forget(name)
-            elif recent and movable(name) and member.ask(Ask("place", t_ns, frame.shape, box), frame):
+            elif (
+                recent
+                and may_move(boxes[name] is not None, fused, box, frame.shape)
+                and member.ask(Ask("place", t_ns, frame.shape, box), frame)
+            ):
                 del self._wanted[name]
                 self._fusion.forget(name)
 
     def close(self) -> None:
         """End the trackers."""
         self.pool.close()
-
-
-def whole(box: Box, shape: tuple[int, ...]) -> bool:
-    """Whether a box lies inside a picture of this shape without touching its edge."""
-    return min(box[:2]) > 0.0 and box[0] + box[2] < shape[1] and box[1] + box[3] < shape[0]

@@ -157,7 +157,7 @@ class HabDfTracker:
     def _restart(self, frame: np.ndarray, box: Box, fused: Fused, t_ns: int) -> None:
         """Put drifted members on the fused answer; one that keeps what it has learned is only moved there."""
         for name in fused.restart:
-            if not may_move(self.answers[name].state == "tracking", fused):
+            if not may_move(self.answers[name].state == "tracking", fused, box, frame.shape):
                 continue
             member = self.members[name]
             try:
@@ -171,12 +171,19 @@ class HabDfTracker:
                 self._fusion.forget(name)
 
 
-def may_move(sees: bool, fused: Fused) -> bool:
-    """Whether a tracker that has drifted may be put on the fused answer.
+def may_move(sees: bool, fused: Fused, box: Box, shape: tuple[int, ...]) -> bool:
+    """Whether a tracker that has drifted may be put on the fused answer, a box of a picture of this shape.
 
-    One that sees a target itself is as sure as a single other that it would be made to follow.
+    One that sees a target itself is as sure as a single other that it would be made to follow. Nor is it put on what
+    the picture's edge cuts: trackers that shrink onto what is left of the target agree there against the one that does
+    not.
     """
-    return not sees or agreed(fused)
+    return not sees or (agreed(fused) and whole(box, shape))
+
+
+def whole(box: Box, shape: tuple[int, ...]) -> bool:
+    """Whether a box lies inside a picture of this shape without touching its edge."""
+    return min(box[:2]) > 0.0 and box[0] + box[2] < shape[1] and box[1] + box[3] < shape[0]
 
 
 def source_of(name: str) -> Source:

@@ -7,9 +7,8 @@ import numpy as np
 
 from common.tracking.base import Box
 from onboard.fusion.center import Fused, FusionState
-from onboard.fusion.live import whole
 from onboard.fusion.source import Judgement
-from onboard.fusion.tracker import may_move
+from onboard.fusion.tracker import may_move, whole
 from onboard.fusion.witness import Witness, agreed
 
 GREY = cv2.GaussianBlur(np.random.default_rng(0).integers(0, 255, (240, 320), np.uint8), (0, 0), 2.0)
@@ -60,10 +59,12 @@ def test_it_learns_only_where_two_agree_and_then_vouches_for_what_it_learned() -
     assert witness.vouches(GREY, ELSEWHERE, alone)
 
 
-def test_one_that_sees_a_target_is_moved_only_where_two_agree() -> None:
-    assert may_move(True, _fused("tracking", 1.0, 0.9))
-    assert not may_move(True, _fused("tracking", 1.0, 0.1))
-    assert may_move(False, _fused("tracking", 1.0, 0.1)), "it has nothing of its own to lose"
+def test_one_that_sees_a_target_is_moved_only_where_two_agree_on_a_whole_box() -> None:
+    shape, cut = (240, 320, 3), (100.0, 220.0, 40.0, 30.0)
+    assert may_move(True, _fused("tracking", 1.0, 0.9), BOX, shape)
+    assert not may_move(True, _fused("tracking", 1.0, 0.1), BOX, shape)
+    assert not may_move(True, _fused("tracking", 1.0, 0.9), cut, shape), "both may have shrunk onto what is left"
+    assert may_move(False, _fused("tracking", 1.0, 0.1), cut, shape), "it has nothing of its own to lose"
 
 
 def test_a_box_that_touches_the_edge_is_not_whole() -> None:

@@ -1,0 +1,84 @@
+"""From a box to a request: the distance from which a target stays whole, and how long an unseen one is flown after."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from common.geometry.camera import Camera
+from common.geometry.rotation import as_quat, quat_conjugate, quat_from_euler, quat_multiply, quat_rotate
+from common.tracking.base import Box
+from onboard.follow.config import FollowConfig
+from onboard.follow.law import Vehicle
+from onboard.follow.sight import whole_from_m
+from onboard.follow.steering import Steering
+from onboard.fusion.depth import DepthConfig
+from onboard.proximity.pose import Pose
+
+EYE_M, TALL_M, G = 1.5, 1.75, 9.81
+S = 1_000_000_000
+
+
+def _camera(down_rad: float) -> Camera:
+    mount = as_quat(quat_multiply(quat_from_euler(0.0, -down_rad, 0.0), (0.5, 0.5, 0.5, 0.5)))
+    return Camera(320, 240, 228.0, 228.0, 159.5, 119.5, (0.0,) * 5, mount, (0.0, 0.0, 0.0))
+
+
+def _seen(camera: Camera, distance_m: float, pitch_rad: float) -> tuple[Box, Pose]:
+    """Box of somebody upright ahead of a vehicle 1.5 m up, and its pose."""
+    pose = Pose(np.array([0.0, 0.0, -EYE_M]), quat_from_euler(0.0, pitch_rad, 0.0))
+    turn = quat_conjugate(quat_multiply(pose.ned_q_body, camera.body_q_camera))
+    ends = [quat_rotate(turn, np.array([distance_m, 0.0, down_m])) for down_m in (EYE_M - TALL_M, EYE_M)]
+    (u, top), (_, foot) = camera.project(np.array(ends))
+    return (float(u) - 15.0, float(top), 30.0, float(foot - top)), pose
+
+
+@pytest.mark.parametrize("down_rad", [0.0, 0.17, 0.4])
+@pytest.mark.parametrize("acceleration_m_s2", [1.0, 2.0, 3.0])
+def test_from_there_a_target_stays_whole_while_the_nose_rises_and_dips(
+    down_rad: float, acceleration_m_s2: float
+) -> None:
+    camera = _camera(down_rad)
+    box, pose = _seen(camera, 5.0, 0.05)
+    least_m = whole_from_m(camera, box, pose, 5.0, acceleration_m_s2)
+    tilt_rad = math.atan(acceleration_m_s2 / G)
+    lower_rad = math.atan(120.5 / 228.0) + down_rad
+    expected_m = EYE_M / math.tan(max(lower_rad - tilt_rad, lower_rad / 2))
+    upper_rad = math.atan(119.5 / 228.0) - down_rad
+    if upper_rad > 0.0:
+        expected_m = max(expected_m, (TALL_M - EYE_M) / math.tan(max(upper_rad - tilt_rad, upper_rad / 2)))
+    assert least_m == pytest.approx(expected_m, rel=0.01)
+    if lower_rad > 2 * tilt_rad:
+        (_, _, _, height), _ = raised, _ = _seen(camera, least_m, tilt_rad)
+        assert raised[1] + height == pytest.approx(240.0, abs=1.5) or least_m > EYE_M / math.tan(lower_rad - tilt_rad)
+
+
+def test_a_target_that_is_too_near_to_stay_whole_is_backed_away_from_unless_told_to_keep_the_first_distance() -> None:
+    camera = _camera(0.17)
+    box, pose = _seen(camera, 2.5, 0.0)
+    vehicle = Vehicle(pose.ned_p_m, np.zeros(3), 0.0, 0.0)
+    for keep, backwards in (("whole", True), ("first", False)):
+        steering = Steering(FollowConfig(camera="front", keep=keep), DepthConfig(), camera)
+        for k in range(1, 20):
+            request = steering.step(k * S // 30, box, pose, vehicle)
+            assert request is not None
+        assert (request.vector[0] < -0.3) == backwards
+        assert abs(request.vector[0]) < 0.05 or backwards
+        assert request.vector[1:] == pytest.approx((0.0, 0.0), abs=0.05)
+
+
+def test_an_unseen_target_is_flown_after_for_a_while_and_it_says_why_nothing_is_asked() -> None:
+    camera, config = _camera(0.17), FollowConfig(camera="front")
+    steering = Steering(config, DepthConfig(), camera)
+    box, pose = _seen(camera, 5.0, 0.0)
+    vehicle = Vehicle(pose.ned_p_m, np.zeros(3), 0.0, 0.0)
+    assert steering.step(S, None, pose, vehicle) is None and "not seen" in steering.why_not
+    assert steering.step(2 * S, box, None, None) is None and "no vehicle state" in steering.why_not
+    assert steering.step(3 * S, box, pose, vehicle) is not None and not steering.why_not
+    later_ns = 3 * S + round(config.coast_s * S)
+    assert steering.step(later_ns, None, pose, vehicle) is not None
+    assert steering.step(later_ns + S // 10, None, pose, vehicle) is None and "for 2.1 s" in steering.why_not
+    steering.reset()
+    assert steering.step(later_ns + S // 5, None, pose, vehicle) is None
