@@ -1,4 +1,4 @@
-"""From a box to a request: the target's place, how it moves, and the law. The same in flight and in a simulated loop."""
+"""From a box to a request: where the target is, how it moves, and the law. The same in flight and in a simulation."""
 
 from __future__ import annotations
 
