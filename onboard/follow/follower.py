@@ -50,10 +50,11 @@ class Follower:
 
     def __init__(self, config: Config, camera: Camera):
         self._config = config.section(FollowConfig)
-        names = config.section(HabDfConfig).members
-        pool = MemberPool(names, config, self._config.seed, camera.width * camera.height * 3)
+        boxes = config.section(HabDfConfig)
+        pool = MemberPool(boxes.members, config, self._config.seed, camera.width * camera.height * 3)
         settings = self._config
-        self.fusion = LiveHabDf(pool, config.section(FusionConfig), settings.answer_within_s, settings.frozen_after_s)
+        fusion = boxes.of_boxes(config.section(FusionConfig))
+        self.fusion = LiveHabDf(pool, fusion, settings.answer_within_s, settings.frozen_after_s)
         """The fused trackers."""
         self._steering = Steering(settings, config.section(DepthConfig), camera)
         self._pictures: deque[tuple[int, np.ndarray]] = deque(maxlen=_KEPT_PICTURES)

@@ -97,6 +97,12 @@ class HabDfConfig(Section, frozen=True, kw_only=True):
     common_jumps: bool = True
     """`fusion.common_jumps` for boxes: a shaken camera moves all of them."""
 
+    def of_boxes(self, general: FusionConfig) -> FusionConfig:
+        """The general settings with those that are for boxes."""
+        return msgspec.structs.replace(
+            general, vote_slope=self.vote_slope, vote_lambda=self.vote_lambda, common_jumps=self.common_jumps
+        )
+
     def check(self) -> None:
         """Raise ConfigError when a member is named twice, or is the fusion itself."""
         if len(set(self.members)) != len(self.members) or "hab-df" in self.members:

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 
 import cv2
 import numpy as np
-from msgspec.structs import replace
 
 from common.config import Config, Section
 from common.tracking.base import (
@@ -92,13 +91,7 @@ class HabDfTracker:
         members = {
             name: make_tracker(name, config, child) for name, child in zip(names, rng.spawn(len(names)), strict=True)
         }
-        fusion = replace(
-            config.section(FusionConfig),
-            vote_slope=own.vote_slope,
-            vote_lambda=own.vote_lambda,
-            common_jumps=own.common_jumps,
-        )
-        return cls(members, fusion)
+        return cls(members, own.of_boxes(config.section(FusionConfig)))
 
     def init(self, frame: np.ndarray, box: Box, angle_rad: float = 0.0, t_ns: int | None = None) -> None:
         """Start every member on the upright box around the target."""

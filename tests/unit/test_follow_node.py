@@ -13,6 +13,7 @@ from common.messages import Command, FollowMembers, Image, Request, Track
 from common.node import Output, ScriptedRun
 from common.processes import load_config
 from onboard.follow.node import FollowNode
+from onboard.fusion.config import FusionConfig, HabDfConfig
 from tests.flying import flying, helm_status
 
 S = 1_000_000_000
@@ -88,6 +89,9 @@ def test_what_was_chosen_is_followed_until_it_is_away_for_long() -> None:
         (member,) = words[-1].members
         assert member.name == "dsst" and member.box_px is not None
         assert abs(member.box_px[0] + member.box_px[2] / 2 - rig.pose.x_px) < 12.0
+        assert rig.node._follower is not None
+        as_offline = HabDfConfig().of_boxes(FusionConfig())
+        assert rig.node._follower.fusion._config == as_offline and as_offline.common_jumps, "boxes jump together"
         assert rig.call("stop", Command()).startswith("done")
         assert rig.requests(3) == []
     finally:
