@@ -23,7 +23,7 @@ S = 1_000_000_000
 
 def _camera(down_rad: float) -> Camera:
     mount = as_quat(quat_multiply(quat_from_euler(0.0, -down_rad, 0.0), (0.5, 0.5, 0.5, 0.5)))
-    return Camera(320, 240, 228.0, 228.0, 159.5, 119.5, (0.0,) * 5, mount, (0.0, 0.0, 0.0))
+    return Camera(320, 240, 228.0, 228.0, 159.5, 119.5, (0.0, 0.0, 0.0, 0.0, 0.0), mount, (0.0, 0.0, 0.0))
 
 
 def _seen(camera: Camera, distance_m: float, pitch_rad: float) -> tuple[Box, Pose]:
@@ -59,8 +59,8 @@ def test_a_target_that_is_too_near_to_stay_whole_is_backed_away_from_unless_told
     camera = _camera(0.17)
     box, pose = _seen(camera, 2.5, 0.0)
     vehicle = Vehicle(pose.ned_p_m, np.zeros(3), 0.0, 0.0)
-    for keep, backwards in (("whole", True), ("first", False)):
-        steering = Steering(FollowConfig(camera="front", keep=keep), DepthConfig(), camera)
+    for config, backwards in ((FollowConfig(), True), (FollowConfig(keep="first"), False)):
+        steering = Steering(config, DepthConfig(), camera)
         for k in range(1, 20):
             request = steering.step(k * S // 30, box, pose, vehicle)
             assert request is not None
@@ -70,7 +70,7 @@ def test_a_target_that_is_too_near_to_stay_whole_is_backed_away_from_unless_told
 
 
 def test_an_unseen_target_is_flown_after_for_a_while_and_it_says_why_nothing_is_asked() -> None:
-    camera, config = _camera(0.17), FollowConfig(camera="front")
+    camera, config = _camera(0.17), FollowConfig()
     steering = Steering(config, DepthConfig(), camera)
     box, pose = _seen(camera, 5.0, 0.0)
     vehicle = Vehicle(pose.ned_p_m, np.zeros(3), 0.0, 0.0)
