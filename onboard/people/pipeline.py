@@ -279,7 +279,7 @@ class PeoplePipeline:
     def _identify(self, spots: Sequence[Spot], frame: Frame) -> tuple[Found, ...]:
         """Who is in the picture."""
         t_ns = frame.capture_ns
-        shown = [spot for spot in spots if self.watch.carries(spot, t_ns)]
+        shown = self.watch.shown(spots, t_ns)
         numbers = self.tracker.update([_detection(spot, t_ns) for spot in shown], t_ns)
         while doubles := self.tracker.doubles():
             newer, older = doubles[0]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from onboard.people.appearance import Look
 from onboard.people.association import assign
 from onboard.people.pipeline_config import WatchConfig
 from onboard.people.pose import STANDING_M, Pose
+from onboard.people.pose_filter import same_body
 from onboard.people.regions import Box, Region
 from onboard.people.sights import Sight
 
@@ -30,6 +31,8 @@ _LYING_M, _LONG_M, _WIDE_M, _HEAD_M2 = 0.6, (1.1, 2.6), 0.25, 0.08
 """Height, lengths and least width of somebody who lies, m; largest head from above, m²."""
 _UNBROKEN_S = 0.35
 """Sight of somebody is unbroken over gaps up to this."""
+_NEWEST_WAY = 0.5
+"""Share of the newest picture in how fast a box moves."""
 _LIES = 0.5
 """Who reaches to less than this share of a standing height does not stand."""
 _SAME_SHAPE = 0.1
@@ -50,6 +53,8 @@ class Spot:
     """Where it is now."""
     seen_ns: int
     """When it was last there."""
+    way_px_s: Array = field(default_factory=lambda: np.zeros(2))
+    """(2,) how fast its box moves in the picture, where places are not known, px/s."""
     looked: Sight | None = None
     """Where it was when it was last looked at; None before that."""
     looked_ns: int = 0
@@ -79,6 +84,23 @@ class Spot:
         """The pose to look for, as far as it need not be looked for anew."""
         anew = self.refusals or self.looks % _FULL_EVERY == 0
         return None if anew else self.pose_now(t_ns)
+
+    def there(self, sight: Sight, t_ns: int) -> None:
+        """It is in a picture again."""
+        if sight.ned_p_m is None and t_ns > self.seen_ns:
+            moved = _middle(sight.region.box_px) - _middle(self.sight.region.box_px)
+            self.way_px_s = self.way_px_s + _NEWEST_WAY * (moved / ((t_ns - self.seen_ns) / 1e9) - self.way_px_s)
+        self.sight, self.seen_ns = sight, t_ns
+
+    def box_at(self, t_ns: int) -> tuple[float, float, float, float]:
+        """Where its box would be had it gone on as before."""
+        x, y, width, height = self.sight.region.box_px
+        dx, dy = self.way_px_s * ((t_ns - self.seen_ns) / 1e9)
+        return x + dx, y + dy, width, height
+
+    def is_nobody(self) -> None:
+        """It shows somebody whom another region shows."""
+        self.pose, self.look, self.number, self.confirmed = None, None, 0, False
 
     def found(self, pose: Pose, look: Look, evidence: float, t_ns: int) -> None:
         """A look found a person; how much it says, in looks."""
@@ -143,9 +165,8 @@ class Watch:
         costs = np.array([[self._distance(spot, sight, t_ns) for sight in sights] for spot in self.spots])
         found: dict[int, Spot] = {}
         for row, column in assign(costs, 1.0):
-            spot = self.spots[row]
-            spot.sight, spot.seen_ns = sights[column], t_ns
-            found[column] = spot
+            found[column] = self.spots[row]
+            found[column].there(sights[column], t_ns)
         for column, sight in enumerate(sights):
             if column not in found:
                 found[column] = Spot(sight, t_ns)
@@ -160,6 +181,20 @@ class Watch:
     def carries(self, spot: Spot, t_ns: int) -> bool:
         """Whether a region still counts as the person that was found in it."""
         return spot.pose is not None and t_ns - spot.posed_ns <= self.config.carry_s * 1e9
+
+    def shown(self, spots: Sequence[Spot], t_ns: int) -> list[Spot]:
+        """Spots of a picture that count as people, nobody twice: without depth a detector gives somebody two boxes now
+        and then; the one that was there first stays."""
+        carried = [spot for spot in spots if self.carries(spot, t_ns)]
+        placeless = [spot for spot in carried if spot.sight.ned_p_m is None]
+        kept: list[Pose] = []
+        for spot in sorted(placeless, key=lambda s: (not s.confirmed, s.number or math.inf, -s.posed_ns)):
+            pose = spot.pose_now(t_ns)
+            if pose is not None and not any(same_body(pose, other) for other in kept):
+                kept.append(pose)
+            else:
+                spot.is_nobody()
+        return [spot for spot in carried if spot.pose is not None]
 
     def merged(self, number: int, into: int) -> None:
         """A person turned out to be another."""
@@ -179,7 +214,7 @@ class Watch:
             return 1.0
         if a.ned_p_m is not None and b.ned_p_m is not None:
             return float(np.linalg.norm((a.ned_p_m - b.ned_p_m)[:2])) / self.config.same_m
-        return (1.0 - iou(a.region.box_px, b.region.box_px)) / max(1.0 - self.config.same_iou, 1e-9)
+        return (1.0 - iou(spot.box_at(t_ns), b.region.box_px)) / max(1.0 - self.config.same_iou, 1e-9)
 
     def _urgency(self, spot: Spot, t_ns: int) -> float:
         """1 and more: due."""

@@ -9,8 +9,8 @@ import numpy as np
 from onboard.people.appearance import Look
 from onboard.people.pipeline_config import WatchConfig
 from onboard.people.sights import Sight
-from onboard.people.watch import Watch
-from tests.unit.people_bodies import STANDING, pose, region_of
+from onboard.people.watch import Watch, iou
+from tests.unit.people_bodies import STANDING, moved, pose, region_of
 
 SECOND = 1_000_000_000
 
@@ -48,3 +48,37 @@ def test_after_a_while_out_of_sight_they_have_to_be_found_again():
     watch.follow([], SECOND // 5)
     (spot,) = watch.follow([_sight(0.3)], SECOND // 2)
     assert spot.number == 0 and len(watch.spots) == 2
+
+
+def _boxed(x: float, y: float = 100.0) -> Sight:
+    """A region of a detector: a box, no place."""
+    region = region_of(STANDING)
+    return Sight(replace(region, box_px=(round(x), round(y), *region.box_px[2:])))
+
+
+def test_without_places_a_box_that_goes_on_is_the_same_after_pictures_that_lack_it():
+    watch, step = Watch(WatchConfig()), SECOND // 15
+    (first,) = watch.follow([_boxed(100.0)], 0)
+    for k in range(1, 7):
+        assert watch.follow([_boxed(100.0 + 28 * k)], k * step)[0] is first
+    for k in (7, 8):
+        watch.follow([], k * step)
+    assert watch.follow([_boxed(100.0 + 28 * 9)], 9 * step)[0] is first
+    assert iou(_boxed(100.0 + 28 * 9).region.box_px, _boxed(100.0 + 28 * 6).region.box_px) == 0.0
+    assert watch.follow([_boxed(700.0)], 10 * step)[0] is not first
+
+
+def test_without_places_nobody_is_two():
+    watch = Watch(WatchConfig())
+    spots = watch.follow([_boxed(100.0), _boxed(104.0, 98.0), _boxed(400.0)], 0)
+    look = Look(np.ones((3, 1)))
+    for spot, shift, number in zip(spots, (0.0, 3.0, 300.0), (2, 1, 0), strict=True):
+        spot.found(pose(moved(STANDING, 0.0, 1.0, (shift, 0.0))), look, 2.0, 0)
+        spot.number = number
+    assert [id(s) for s in watch.shown(spots, 0)] == [id(s) for s in spots[1:]], "who was there first stays"
+    assert spots[0].pose is None and spots[0].number == 0
+    # With places it is the depth that says who is where.
+    for spot in spots[1:]:
+        spot.sight = replace(spot.sight, ned_p_m=np.zeros(3))
+        spot.pose = pose()
+    assert len(watch.shown(spots, 0)) == 2
