@@ -57,9 +57,9 @@ class BoxTracker(ABC):
         """Follow the target into a picture, or search it; learn what is to be learned."""
 
     def expect(self, expectation: Expectation) -> None:
-        """Start the search of the next picture where the target is expected."""
-        if self._result is not None and self._unseen == 0:
-            self._center = self._center + np.array(expectation.moved_px)
+        """Start the search of the next picture where the target is expected, or, out of sight, as far from before."""
+        if self._result is not None:
+            self._expected_px = np.array(expectation.moved_px, float)
 
     def place(self, frame: np.ndarray, box: Box) -> None:
         """Go on from a box that somebody else found, without learning anything from it.
@@ -82,7 +82,11 @@ class BoxTracker(ABC):
         elapsed_ns = 0 if self._t_ns is None else t_ns - self._t_ns
         self._t_ns = t_ns
         self._number += 1
+        if self._expected_px is not None:
+            self._center = self._center + self._expected_px
+            self._hold_in_picture()
         score, seen, again = self._step(frame)
+        self._expected_px = None
         if seen:
             self._unseen, self._unseen_ns = 0, 0
         else:
@@ -102,6 +106,7 @@ class BoxTracker(ABC):
         self._center = np.array([box[0] + box[2] / 2, box[1] + box[3] / 2])
         self._scale, self._angle = 1.0, 0.0
         self._unseen, self._unseen_ns, self._number = 0, 0, 0
+        self._expected_px: np.ndarray | None = None
 
     def _started(self, what: str) -> None:
         if self._result is None:

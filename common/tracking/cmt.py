@@ -93,11 +93,11 @@ class CmtTracker(BoxTracker):
 
     def _follow(self, grey: np.ndarray) -> float:
         """Carry the keypoints on and look around where they went; returns the score, 0.5 at its limit."""
-        places, error = follow_points(self._grey, grey, self._places)
+        places, error = follow_points(self._grey, grey, self._places, self._expected_px)
         held = error <= max(0.5, self._config.flow_error * self._side * self._scale)
         if held.any():
             moved = np.median(places[held] - self._places[held], axis=0)
-            self._center = self._center + moved
+            self._center = self._center + moved - (0.0 if self._expected_px is None else self._expected_px)
         places_seen, descriptors = self._look(grey, self._config.keypoints)
         return self._agree(self._active[held], places[held], places_seen, descriptors)
 

@@ -7,16 +7,20 @@ import numpy as np
 
 _WINDOW_PX = 15
 _LEVELS = 3
+_FROM_GUESS = cv2.OPTFLOW_USE_INITIAL_FLOW
 _STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.03)
 
 
-def follow_points(before: np.ndarray, after: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def follow_points(
+    before: np.ndarray, after: np.ndarray, points: np.ndarray, expected_px: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Where points of one picture are in the next, and how far each comes back from where it was, px.
 
     Args:
         before: (H, W) uint8.
         after: (H, W) uint8.
         points: (n, 2) float, x, y.
+        expected_px: displacement (2,) that is expected of all of them; none without it.
 
     Returns:
         Places (n, 2) float32, and the forward-backward errors (n,) float32: infinite where the flow lost the point.
@@ -25,8 +29,10 @@ def follow_points(before: np.ndarray, after: np.ndarray, points: np.ndarray) -> 
         return np.zeros((0, 2), np.float32), np.zeros(0, np.float32)
     start = np.ascontiguousarray(points, np.float32).reshape(-1, 1, 2)
     options = {"winSize": (_WINDOW_PX, _WINDOW_PX), "maxLevel": _LEVELS, "criteria": _STOP}
-    there, seen, _ = cv2.calcOpticalFlowPyrLK(before, after, start, None, **options)  # pyright: ignore[reportCallIssue, reportArgumentType]
-    back, seen_back, _ = cv2.calcOpticalFlowPyrLK(after, before, there, None, **options)  # pyright: ignore[reportCallIssue, reportArgumentType]
+    guess, flags = (None, 0) if expected_px is None else ((start + expected_px).astype(np.float32), _FROM_GUESS)
+    there, seen, _ = cv2.calcOpticalFlowPyrLK(before, after, start, guess, flags=flags, **options)  # pyright: ignore[reportCallIssue, reportArgumentType]
+    guess = None if expected_px is None else (there - expected_px).astype(np.float32)
+    back, seen_back, _ = cv2.calcOpticalFlowPyrLK(after, before, there, guess, flags=flags, **options)  # pyright: ignore[reportCallIssue, reportArgumentType]
     error = np.linalg.norm((back - start)[:, 0], axis=1).astype(np.float32)
     rows, columns = after.shape
     inside = ((there[:, 0] >= 0) & (there[:, 0] < (columns, rows))).all(axis=1)

@@ -37,18 +37,18 @@ class Moved(NamedTuple):
     """Median correlation of the patches around the points that hold, -1 to 1."""
 
 
-def median_flow(before: np.ndarray, after: np.ndarray, box: Box) -> Moved | None:
+def median_flow(before: np.ndarray, after: np.ndarray, box: Box, expected_px: np.ndarray | None = None) -> Moved | None:
     """How a box has moved from one picture (H, W) uint8 to the next; None where too few points can be followed.
 
     The half of the points that come back nearest and the half whose surroundings look most alike hold; the medians over
-    them are taken, of the size over all pairs.
+    them are taken, of the size over all pairs. A displacement (2,) that is expected is where the search begins.
     """
     x, y, width, height = box
     steps = _MARGIN + (1.0 - 2 * _MARGIN) * (np.arange(_GRID) + 0.5) / _GRID
     points = np.stack(np.meshgrid(x + steps * width, y + steps * height), axis=2).reshape(-1, 2)
     rows, columns = before.shape
     points = points[((points >= 0) & (points < (columns, rows))).all(axis=1)]
-    places, error = follow_points(before, after, points)
+    places, error = follow_points(before, after, points, expected_px)
     found = np.isfinite(error)
     if found.sum() < _LEAST_HELD:
         return None

@@ -15,7 +15,7 @@ import numpy as np
 
 from common.evaluation import jaccard
 from common.tracking.appearance import Appearance, upright_patch
-from common.tracking.base import Box, Expectation
+from common.tracking.base import Box
 from common.tracking.box_tracker import BoxTracker, Step
 from common.tracking.median_flow import median_flow
 from common.tracking.tld_config import TldConfig
@@ -96,9 +96,6 @@ class TldTracker(BoxTracker):
         self._grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
         self._flow, self._valid = self._box, False
 
-    def expect(self, expectation: Expectation) -> None:
-        """Nothing: the flow starts where the target was, and the detector looks everywhere."""
-
     def _step(self, frame: np.ndarray) -> Step:
         """Track, detect, integrate, learn."""
         grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
@@ -132,7 +129,7 @@ class TldTracker(BoxTracker):
 
     def _tracked(self, grey: np.ndarray, box: Box) -> Box | None:
         """Where the flow carries a box; None where it fails, or leaves the picture."""
-        moved = median_flow(self._grey, grey, box)
+        moved = median_flow(self._grey, grey, box, self._expected_px)
         if moved is None or moved.error_px > self._config.flow_error * math.sqrt(box[2] * box[3]):
             return None
         width, height = box[2] * moved.grown, box[3] * moved.grown

@@ -10,12 +10,13 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from common.tracking.base import Box, TrackResult, check_box, check_frame, upright_around, upright_box
+from common.tracking.base import Box, Expectation, TrackResult, check_box, check_frame, upright_around, upright_box
+from onboard.fusion.camera_motion import CameraMotion, expectation
 from onboard.fusion.center import Fused, Fusion
 from onboard.fusion.config import FusionConfig
 from onboard.fusion.members import Answer, Ask, MemberPool
 from onboard.fusion.source import Measurement
-from onboard.fusion.tracker import may_move, measurement_of, source_of
+from onboard.fusion.tracker import may_move, measurement_of, shifted, source_of
 from onboard.fusion.witness import Verdict, Witness
 
 log = logging.getLogger(__name__)
@@ -40,6 +41,8 @@ class LiveHabDf:
         self._answer_within_s, self._frozen_after_s = answer_within_s, frozen_after_s
         self._fusion: Fusion | None = None
         self._witness: Witness | None = None
+        self._camera = CameraMotion()
+        self._given: dict[str, int] = {}
         self._size = (1.0, 1.0)
         self._fused: Fused | None = None
         self._seen_ns = 0
@@ -62,12 +65,16 @@ class LiveHabDf:
         box = upright_around(box, angle_rad)
         self._fusion = Fusion([source_of(name) for name in self.pool.members], self._config)
         self._fit(box[2], box[3])
-        self._witness = Witness(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), box, t_ns)
+        grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
+        self._witness = Witness(grey, box, t_ns)
+        self._camera, self._given = CameraMotion(), {}
+        self._camera.see(grey, t_ns)
         self._wanted = {}
         self._fused, self._seen_ns, self._said = None, t_ns, {}
-        for member in self.pool.members.values():
+        for name, member in self.pool.members.items():
             member.started = False
-            member.ask(Ask("init", t_ns, frame.shape, box), frame)
+            if member.ask(Ask("init", t_ns, frame.shape, box), frame):
+                self._given[name] = t_ns
 
     def drop(self) -> None:
         """Forget the target."""
@@ -102,12 +109,15 @@ class LiveHabDf:
         """
         if self._fusion is None or self._witness is None:
             raise ValueError("fusion: step without a target; select one first")
-        answers = dict(self.pool.collect(0.0))
-        for member in self.pool.members.values():
-            if member.started:
-                member.ask(Ask("update", t_ns, frame.shape), frame)
-        answers |= dict(self.pool.collect(self._answer_within_s))
         grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
+        was, place = self._camera.last, self._camera.see(grey, t_ns)
+        if self._fused is not None:
+            self._fused = shifted(self._fused, place - was)
+        answers = dict(self.pool.collect(0.0))
+        for name, member in self.pool.members.items():
+            if member.started and member.ask(Ask("update", t_ns, frame.shape, None, self._expected(name)), frame):
+                self._given[name] = t_ns
+        answers |= dict(self.pool.collect(self._answer_within_s))
         verdict = self._judge(answers, grey, t_ns)
         measurements = []
         for name, answer in answers.items():
@@ -119,8 +129,9 @@ class LiveHabDf:
             if name in verdict.silent or (answer.result is None and answer.error):
                 measurements.append(Measurement(name, answer.t_ns, None))
             elif answer.result is not None:
-                measurements.append(measurement_of(name, answer.result, answer.t_ns, name in verdict.doubted))
-        fused = self._fused = self._fusion.step(measurements, t_ns)
+                seen_at, doubted = self._camera.at(answer.t_ns), name in verdict.doubted
+                measurements.append(measurement_of(name, answer.result, answer.t_ns, seen_at, doubted))
+        fused = self._fused = shifted(self._fusion.step(measurements, t_ns), place)
         if fused.state == "tracking":
             self._seen_ns = t_ns
             self._fit(float(fused.value[3]), float(fused.value[2]))
@@ -130,6 +141,14 @@ class LiveHabDf:
         vouched = box is not None and self._witness.vouches(grey, box, fused)
         self._tend(replace(fused, restart=fused.restart if vouched else ()), frame, t_ns)
         return fused
+
+    def _expected(self, name: str) -> Expectation | None:
+        """What the camera has done since a tracker's last picture; None for one that has just been put somewhere."""
+        said, given_ns = self._said.get(name), self._given.get(name)
+        if said is None or given_ns is None:
+            return None
+        moved = self._camera.last - self._camera.at(given_ns)
+        return expectation(upright_box(said[1]), moved) if moved.any() else None
 
     def _judge(self, answers: Mapping[str, Answer], grey: np.ndarray, t_ns: int) -> Verdict:
         """What the witness thinks of the answers to this very picture; of late ones it has the picture no more."""
@@ -170,14 +189,20 @@ class LiveHabDf:
             recent = t_ns - self._wanted.get(name, -(10**18)) < 1e9 * self._config.restart_every_s
             if not member.started:
                 if member.ask(Ask("init", t_ns, frame.shape, box), frame):
-                    self._fusion.forget(name)
+                    self._begin(name, t_ns)
             elif (
                 recent
                 and may_move(boxes[name] is not None, fused, box, frame.shape)
                 and member.ask(Ask("place", t_ns, frame.shape, box), frame)
             ):
                 del self._wanted[name]
-                self._fusion.forget(name)
+                self._begin(name, t_ns)
+
+    def _begin(self, name: str, t_ns: int) -> None:
+        """A tracker was put on the answer in the picture of this stamp."""
+        self._given[name] = t_ns
+        if self._fusion is not None:
+            self._fusion.forget(name)
 
     def close(self) -> None:
         """End the trackers."""

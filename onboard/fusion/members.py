@@ -19,7 +19,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from common.config import Config
-from common.tracking.base import Box, TrackResult
+from common.tracking.base import Box, Expectation, TrackResult
+from onboard.fusion.camera_motion import tell
 
 log = logging.getLogger(__name__)
 _SPAWN = multiprocessing.get_context("spawn")
@@ -41,6 +42,8 @@ class Ask(NamedTuple):
     """Its shape."""
     box: Box | None = None
     """Where to start, or to go on from, px."""
+    expected: Expectation | None = None
+    """What the camera's motion has done to the picture since the tracker's last one; None where it is not known."""
 
 
 class Answer(NamedTuple):
@@ -84,6 +87,8 @@ def _answer(tracker: Any, ask: Ask, frame: np.ndarray) -> Answer:
         elif ask.order == "place":
             tracker.init(frame, ask.box, 0.0, ask.t_ns)
         else:
+            if ask.expected is not None:
+                tell(tracker, ask.expected)
             return Answer(ask.t_ns, tracker.update(frame, ask.t_ns))
     except Exception as error:  # noqa: BLE001  a tracker that fails is one that does not see; the others go on
         return Answer(ask.t_ns, None, f"{type(error).__name__}: {error}")

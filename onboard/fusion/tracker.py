@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace as altered
 
 import cv2
 import numpy as np
@@ -21,6 +22,7 @@ from common.tracking.base import (
     upright_around,
     upright_box,
 )
+from onboard.fusion.camera_motion import CameraMotion, expectation, tell
 from onboard.fusion.center import Fused, Fusion
 from onboard.fusion.config import FusionConfig, HabDfConfig
 from onboard.fusion.source import Measurement, Source
@@ -76,6 +78,8 @@ class HabDfTracker:
         self._fusion: Fusion | None = None
         self._size = (1.0, 1.0)
         self._witness: Witness | None = None
+        self._camera = CameraMotion()
+        self._told = False
 
     @classmethod
     def make(cls, config: Config, rng: np.random.Generator) -> HabDfTracker:
@@ -103,10 +107,14 @@ class HabDfTracker:
         self._fusion = Fusion([source_of(name) for name in self.members], self._config)
         self._set_unit(box[2], box[3])
         self.answers, self.fused = {}, None
-        self._witness = Witness(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), box, 0 if t_ns is None else t_ns)
+        grey, start_ns = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), 0 if t_ns is None else t_ns
+        self._witness = Witness(grey, box, start_ns)
+        self._camera, self._told = CameraMotion(), False
+        self._camera.see(grey, start_ns)
 
     def expect(self, expectation: Expectation) -> None:
-        """Pass it on to every member."""
+        """Pass it on to every member; it knows more than the picture's own shift, which is then not told."""
+        self._told = True
         for member in self.members.values():
             member.expect(expectation)
 
@@ -114,23 +122,27 @@ class HabDfTracker:
         """Ask every member, fuse their answers, and put those that have drifted back on the fused one."""
         if self._fusion is None or self._witness is None:
             raise ValueError("hab-df: update before init; select a target first")
+        grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
+        was, place = self._camera.last, self._camera.see(grey, t_ns)
+        moved = place - was
+        last = None if self.fused is None else shifted(self.fused, moved)
+        self._tell(moved)
         before = self.answers
         self.answers = {name: member.update(frame, t_ns) for name, member in self.members.items()}
         for name, answer in self.answers.items():
             if answer.state == "tracking" and name in before and before[name].state != "tracking":
                 self._fusion.forget(name)  # it has found the target again, maybe elsewhere
-        grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
         boxes = {name: upright_box(answer) for name, answer in self.answers.items() if answer.state == "tracking"}
-        verdict = self._witness.judge(grey, boxes, len(self.members) > 1, self.fused, t_ns)
+        verdict = self._witness.judge(grey, boxes, len(self.members) > 1, last, t_ns)
         for name in verdict.begun:
             self._fusion.forget(name, follow=True)
         said = [
             Measurement(name, t_ns, None)
             if name in verdict.silent
-            else measurement_of(name, answer, t_ns, name in verdict.doubted)
+            else measurement_of(name, answer, t_ns, place, name in verdict.doubted)
             for name, answer in self.answers.items()
         ]
-        fused = self.fused = self._fusion.step(said, t_ns)
+        fused = self.fused = shifted(self._fusion.step(said, t_ns), place)
         if fused.state == "waiting":
             return next(iter(self.answers.values()))
         u, v, height, width = fused.value.tolist()
@@ -141,6 +153,14 @@ class HabDfTracker:
         if self._witness.vouches(grey, box, fused):
             self._restart(frame, box, fused, t_ns)
         return TrackResult((u, v), self._size, 0.0, fused.confidence, 0.5, _STATES[fused.state], angle_std_rad=0.0)
+
+    def _tell(self, moved: np.ndarray) -> None:
+        """Let every member search this picture where its own target was, moved (2,) px by the camera."""
+        if not self._told and moved.any():
+            for name, member in self.members.items():
+                if name in self.answers:
+                    tell(member, expectation(upright_box(self.answers[name]), moved))
+        self._told = False
 
     def _set_unit(self, width: float, height: float) -> None:
         if self._fusion is not None:
@@ -162,6 +182,11 @@ class HabDfTracker:
                 continue  # the box leaves the picture: there is nothing to start on yet
             if self._fusion is not None:
                 self._fusion.forget(name)
+
+
+def shifted(fused: Fused, shift_px: np.ndarray) -> Fused:
+    """The same answer moved by (2,) px in the picture."""
+    return altered(fused, value=fused.value + np.pad(shift_px, (0, 2)))
 
 
 def may_move(sees: bool, fused: Fused, box: Box, shape: tuple[int, ...]) -> bool:
@@ -186,11 +211,23 @@ def source_of(name: str) -> Source:
     return Source(name, noise, threshold=0.5, vouches=character.vouches)
 
 
-def measurement_of(name: str, answer: TrackResult, t_ns: int, doubted: bool = False) -> Measurement:
-    """A member's answer as u, v, h, w, and its score brought to a threshold of one half, below it when doubted."""
+def measurement_of(
+    name: str, answer: TrackResult, t_ns: int, place_px: np.ndarray, doubted: bool = False
+) -> Measurement:
+    """A member's answer as u, v, h, w, and its score brought to a threshold of one half, below it when doubted.
+
+    Args:
+        name: the member's.
+        answer: its answer.
+        t_ns: stamp of the picture, ns.
+        place_px: where the camera's motion has moved the picture, (2,), px: u and v are those of a still camera.
+        doubted: whether its confidence is brought below the threshold.
+    """
     if answer.state != "tracking":
         return Measurement(name, t_ns, None)
     x, y, width, height = upright_box(answer)
     confidence = min(1.0, 0.5 * answer.score / answer.score_limit) if answer.score_limit > 0 else answer.score
     confidence *= 0.5 if doubted else 1.0
-    return Measurement(name, t_ns, np.array([x + width / 2, y + height / 2, height, width]), confidence)
+    return Measurement(
+        name, t_ns, np.array([x + width / 2 - place_px[0], y + height / 2 - place_px[1], height, width]), confidence
+    )
