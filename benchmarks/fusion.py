@@ -135,8 +135,6 @@ def _folders(root: Path) -> list[_Real]:
 
 
 def _all_of(jobs: list[Sequence | _Real], seed: int) -> dict[str, dict[str, Evaluation]]:
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-        os.environ[name] = "1"  # each process would take every core otherwise, and wait for them
     compared = {}
     with ProcessPoolExecutor(min(os.cpu_count() or 1, 8), multiprocessing.get_context("spawn")) as pool:
         waiting = {pool.submit(compare, job, seed): job for job in jobs}

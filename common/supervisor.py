@@ -82,13 +82,7 @@ class Supervisor:
         fcntl.fcntl(read_end, fcntl.F_SETFL, os.O_NONBLOCK)
         fcntl.fcntl(write_end, fcntl.F_SETFL, os.O_NONBLOCK)
         command = [sys.executable, "-m", "common.cli", "node", child.spec.name, *self._arguments]
-        # One thread a process: two cores are shared by nine, and BLAS pools only add jitter.
-        environment = {
-            "OMP_NUM_THREADS": "1",
-            "OPENBLAS_NUM_THREADS": "1",
-            **os.environ,
-            heartbeat.VARIABLE: str(write_end),
-        }
+        environment = {**os.environ, heartbeat.VARIABLE: str(write_end)}
         child.process = subprocess.Popen(
             command,
             env=environment,

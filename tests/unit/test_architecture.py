@@ -79,7 +79,8 @@ NOT_FOR_ALGORITHMS = {
     "datetime",
 }
 # Settings that a library reads when it is first imported have to stand before that import.
-RUNS_AT_IMPORT = ("simulation/world/gl.py",)
+RUNS_AT_IMPORT = ("common/__init__.py", "simulation/world/gl.py")
+"""What libraries look up once, while they are loaded, must be set before that."""
 LONGEST_FILE = 400
 LONGEST_FUNCTION = 70
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import math
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import cv2
@@ -234,3 +236,16 @@ def test_init_and_model_exclude_each_other(tmp_path: Path) -> None:
         _track(tmp_path, "--init", "1,1,20,20", "--model", "a.png")
     with pytest.raises(SystemExit):
         _track(tmp_path)
+
+
+def test_linear_algebra_has_one_thread_unless_the_user_says_otherwise() -> None:
+    """A pool that waits for its slowest thread makes a tracker ten times slower on a busy machine."""
+    script = "import common, os, numpy as np; a = np.ones((700, 700)); a @ a; print(len(os.listdir('/proc/self/task')))"
+    for asked, threads in ((None, "1"), ("2", "2")):
+        named = {} if asked is None else {"OPENBLAS_NUM_THREADS": asked, "OMP_NUM_THREADS": asked}
+        rest = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
+        done = subprocess.run(
+            [sys.executable, "-c", script], env=rest | named, capture_output=True, text=True, check=True
+        )
+        if asked is None or (os.cpu_count() or 1) >= int(asked):
+            assert done.stdout.strip() == threads
