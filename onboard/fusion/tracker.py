@@ -25,6 +25,7 @@ from common.tracking.base import (
 from onboard.fusion.camera_motion import CameraMotion, expectation, tell
 from onboard.fusion.center import Fused, Fusion
 from onboard.fusion.config import FusionConfig, HabDfConfig
+from onboard.fusion.outline import Outline
 from onboard.fusion.source import Measurement, Source
 from onboard.fusion.witness import Witness, agreed
 
@@ -79,6 +80,7 @@ class HabDfTracker:
         self._size = (1.0, 1.0)
         self._witness: Witness | None = None
         self._camera = CameraMotion()
+        self._outline = Outline()
         self._told = False
 
     @classmethod
@@ -110,7 +112,8 @@ class HabDfTracker:
         grey, start_ns = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), 0 if t_ns is None else t_ns
         self._witness = Witness(grey, box, start_ns)
         self._camera, self._told = CameraMotion(), False
-        self._camera.see(grey, start_ns)
+        self._outline = Outline()
+        self._outline.whole(grey, start_ns, self._camera.see(grey, start_ns), box)
 
     def expect(self, expectation: Expectation) -> None:
         """Pass it on to every member; it knows more than the picture's own shift, which is then not told."""
@@ -152,7 +155,16 @@ class HabDfTracker:
         box = (u - self._size[0] / 2, v - self._size[1] / 2, *self._size)
         if self._witness.vouches(grey, box, fused):
             self._restart(frame, box, fused, t_ns)
-        return TrackResult((u, v), self._size, 0.0, fused.confidence, 0.5, _STATES[fused.state], angle_std_rad=0.0)
+        outlined = self._outlined(grey, box, fused, place)
+        center = outlined[0] + outlined[2] / 2, outlined[1] + outlined[3] / 2
+        return TrackResult(center, outlined[2:], 0.0, fused.confidence, 0.5, _STATES[fused.state], angle_std_rad=0.0)
+
+    def _outlined(self, grey: np.ndarray, box: Box, fused: Fused, place: np.ndarray) -> Box:
+        """The whole target around the fused box, which members of fixed shape may have left on one side of it."""
+        if fused.state == "tracking":
+            return self._outline.whole(grey, fused.t_ns, place, box)
+        self._outline.rest()
+        return self._outline.around(box)
 
     def _tell(self, moved: np.ndarray) -> None:
         """Let every member search this picture where its own target was, moved (2,) px by the camera."""

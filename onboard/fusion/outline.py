@@ -1,0 +1,178 @@
+"""How far the target reaches beyond the fused box, by what moves as it does.
+
+Trackers of fixed shape ride on the side of a thing that they began with: while it turns, another side comes into view
+beside their box, and none follows the ratio of the sides. What is around the box moves either with it or with the
+ground. Both motions are known, so each place is given to the one that explains its change better, and the box grows to
+the rectangle that holds most of what goes with the target. It never shrinks: what covers a part is no part of it.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from common.evaluation import jaccard
+from common.tracking.base import Box
+
+_CELLS, _BOX_CELLS = 48, 20
+"""Side of the square map around the box, and of the box within it."""
+_FIRST = (_CELLS - _BOX_CELLS) // 2
+_LAST = _FIRST + _BOX_CELLS
+_LEAST_PX, _LEAST_SHARE = 4.0, 0.08
+"""How far the target must have moved over the ground between two pictures to be told from it: px, and target sizes."""
+_REACH_S = 0.4
+"""Greatest time between these pictures."""
+_SMOOTH = 5
+"""Cells over which differences of both pictures are averaged."""
+_MEMORY = 0.25
+"""Share of a new map in the one that is kept."""
+_LIMIT = 0.08
+"""Least preference for the target's motion of what belongs to it, -1 to 1."""
+_CONTRAST = 0.3
+"""Least difference of the mean preferences within the found rectangle and around it."""
+_TRIALS, _TRIED = 5, 0.6
+"""Maps before the box may grow, and least overlap there of the first box with what moves: of a face that moves with a
+body it is less, and the motion then tells nothing about the face."""
+_BLUR = 0.05
+"""By how much the map's own blur moves an edge outwards, box sides."""
+_DOUBT, _DOUBT_PX = 0.15, 4.0
+"""How far out an edge must lie for the box to grow: box sides, and px; half as far for it to stay grown."""
+_FASTEST = 0.6
+"""Most by which an edge moves, box sides a second."""
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """A picture of late."""
+
+    t_ns: int
+    grey: np.ndarray
+    place: np.ndarray
+    """Where the camera has moved it, (2,), px."""
+    box: Box
+
+
+class Outline:
+    """Edges of the target relative to a box that rides on it."""
+
+    def __init__(self) -> None:
+        self._seen: deque[_Seen] = deque()
+        self._map = np.zeros((_CELLS, _CELLS), np.float32)
+        self._trials: list[float] = []
+        self._grown = np.zeros(4)
+        """How far the left, upper, right and lower edge lie outside the box, box sides."""
+        self._larger = np.zeros(2, bool)
+        """Whether the target is wider, and higher, than the box."""
+
+    def whole(self, grey: np.ndarray, t_ns: int, place: np.ndarray, box: Box) -> Box:
+        """The whole target's box, px.
+
+        Args:
+            grey: the picture, (H, W) uint8.
+            t_ns: its stamp, ns.
+            place: where the camera's motion has moved the picture, (2,), px.
+            box: the fused box in it, px.
+        """
+        now = _Seen(t_ns, grey, place, box)
+        wanted = self._look(now)
+        before_ns = self._seen[-1].t_ns if self._seen else t_ns
+        most = _FASTEST * (t_ns - before_ns) * 1e-9
+        if wanted is not None:
+            self._grown = self._grown + np.clip(wanted - self._grown, -most, most)
+        self._seen.append(now)
+        while t_ns - self._seen[0].t_ns > _REACH_S * 1e9:
+            self._seen.popleft()
+        return self.around(box)
+
+    def around(self, box: Box) -> Box:
+        """The whole target's box, px, for a box that only a motion model tells: as far around it as it last was."""
+        left, up, right, down = self._grown.tolist()
+        x, y, width, height = box
+        return x - left * width, y - up * height, (1 + left + right) * width, (1 + up + down) * height
+
+    def rest(self) -> None:
+        """Nobody sees the target, or it is followed anew: pictures of before say nothing about it."""
+        self._seen.clear()
+
+    def _look(self, now: _Seen) -> np.ndarray | None:
+        """How far the edges lie outside, (4,), box sides; None where the pictures do not tell."""
+        before = self._reference(now)
+        if before is None:
+            return None
+        preferred = _preference(before, now)
+        self._map += _MEMORY * (preferred - self._map)
+        found = _rectangle(self._map - _LIMIT)
+        left, up, right, down = found
+        inside = np.zeros((_CELLS, _CELLS), bool)
+        inside[up:down, left:right] = True
+        if inside.all() or self._map[inside].mean() - self._map[~inside].mean() < _CONTRAST:
+            return None
+        if len(self._trials) < _TRIALS:
+            one = (float(left), float(up), float(right - left), float(down - up))
+            self._trials.append(jaccard(one, (_FIRST, _FIRST, _BOX_CELLS, _BOX_CELLS)))
+            return None
+        if float(np.median(self._trials)) < _TRIED:
+            return None
+        outside = np.array([_FIRST - left, _FIRST - up, right - _LAST, down - _LAST]) / _BOX_CELLS
+        outside -= np.clip(outside, -_BLUR, _BLUR)
+        reach = np.maximum(outside[:2], outside[2:])
+        doubt = np.maximum(_DOUBT, _DOUBT_PX / np.array(now.box[2:]))
+        self._larger = np.where(self._larger, reach > 0.5 * doubt, reach > doubt)
+        outside *= np.concatenate([self._larger, self._larger])
+        # An edge goes in only as far as the opposite one goes out: the box has slid, and what is covered counts.
+        return np.maximum(outside, -np.maximum(0, outside[[2, 3, 0, 1]]))
+
+    def _reference(self, now: _Seen) -> _Seen | None:
+        """The newest picture since which the target has moved far enough over the ground."""
+        for before in reversed(self._seen):
+            moved = (_center(now.box) - now.place) - (_center(before.box) - before.place)
+            size = float(np.sqrt(now.box[2] * now.box[3]))
+            if np.hypot(*moved) >= max(_LEAST_PX, _LEAST_SHARE * size):
+                return before
+        return None
+
+
+def _center(box: Box) -> np.ndarray:
+    return np.array([box[0] + box[2] / 2, box[1] + box[3] / 2])
+
+
+def _preference(before: _Seen, now: _Seen) -> np.ndarray:
+    """How much better the target's motion than the ground's explains each cell around the box, (n, n), -1 to 1."""
+    current = _cut(now.grey, now.box)
+    ground: Box = (*(np.array(now.box[:2]) + before.place - now.place).tolist(), *now.box[2:])
+    with_ground = np.abs(current - _cut(before.grey, ground))
+    with_target = np.abs(current - _cut(before.grey, before.box))
+    with_ground, with_target = (cv2.blur(d, (_SMOOTH, _SMOOTH)) for d in (with_ground, with_target))
+    return (with_ground - with_target) / (with_ground + with_target + 0.2)
+
+
+def _cut(grey: np.ndarray, box: Box) -> np.ndarray:
+    """The surroundings of a box, (n, n), without their mean and in units of their contrast."""
+    x, y, width, height = box
+    step = np.array([width, height]) / _BOX_CELLS
+    shift = np.array([x, y]) - _FIRST * step + (step - 1) / 2
+    matrix = np.array([[step[0], 0.0, shift[0]], [0.0, step[1], shift[1]]])
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    cut = cv2.warpAffine(grey, matrix, (_CELLS, _CELLS), flags=flags, borderMode=cv2.BORDER_REPLICATE)
+    cut = cv2.GaussianBlur(cut.astype(np.float32), (0, 0), 0.8)
+    cut -= cv2.blur(cut, (_BOX_CELLS | 1, _BOX_CELLS | 1))
+    return cut / (float(cut.std()) + 1.0)
+
+
+def _rectangle(worth: np.ndarray) -> tuple[int, int, int, int]:
+    """Rectangle (left, up, right, down) around the box that holds most worth, each edge in turn until none moves."""
+    sums = cv2.integral(worth)
+    left, up, right, down = _FIRST, _FIRST, _LAST, _LAST
+    middle = _CELLS // 2
+    for _ in range(4):
+        old = left, up, right, down
+        left = int((sums[down, :middle] - sums[up, :middle]).argmin())
+        right = middle + int((sums[down, middle:] - sums[up, middle:]).argmax())
+        up = int((sums[:middle, right] - sums[:middle, left]).argmin())
+        down = middle + int((sums[middle:, right] - sums[middle:, left]).argmax())
+        if (left, up, right, down) == old:
+            break
+    return left, up, right, down
