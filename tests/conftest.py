@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 _FOLDER_MARKS = ("system", "browser")
 _LANES = {
@@ -41,7 +41,10 @@ def pytest_configure() -> None:
     if int(worker.removeprefix("gw")) >= len(_LANES):
         os.nice(5)  # what only computes gives way to what flies
     settings.register_profile("outrider", deadline=None, derandomize=bool(os.environ.get("CI")), print_blob=True)
-    settings.register_profile("thorough", settings.get_profile("outrider"), max_examples=3000)
+    unhurried = [HealthCheck.too_slow]  # at low priority, beside other work
+    settings.register_profile(
+        "thorough", settings.get_profile("outrider"), max_examples=3000, suppress_health_check=unhurried
+    )
     settings.load_profile("outrider")
 
 

@@ -11,8 +11,12 @@ _HEIGHT_GAIN_1_S = 1.0
 _ALONG_FRACTION = 0.25
 _LEAN_S = 0.25
 """Time that the vehicle takes to lean as it is asked, s."""
-_LEARN_S = 0.5
-"""Time over which what holds it back is learnt, and forgotten, s."""
+_LEARN_S, _FORGET_S = 0.5, 0.15
+"""Time over which what holds it back is learnt, and forgotten where less does, s."""
+_UNNOTICED_S = 0.2
+"""What held the vehicle back, should it end at once, makes it faster by what it does in so long, s: until it is noticed
+and the vehicle has leant back. Tuned on a vehicle that leans within 0.2 to 0.4 s and has a drag of up to 1 N per m/s
+and kg, in winds that end or turn round (`tests/property/test_helm_properties.py`)."""
 
 
 def contain(ned_v_m_s: Vec3, ned_p_m: Vec3, config: ContainmentConfig) -> Vec3:
@@ -59,7 +63,8 @@ class Resistance:
     """What drag and wind take of the accelerations that are asked for.
 
     A vehicle that leans against the wind to hold its speed does not gain any: what is asked for, as it is flown, less
-    what is gained, both over half a second, is what holds it back.
+    what is gained, both over half a second, is what holds it back. Wind may end at once: so less is learnt sooner than
+    more, and no more is granted than leaves the vehicle below its largest speed when all of it ends.
     """
 
     def __init__(self) -> None:
@@ -75,21 +80,38 @@ class Resistance:
         """Take the newest velocity, NED, m/s, and what was asked for since the last one, m/s²."""
         now = (ned_v_m_s[0], ned_v_m_s[1])
         if self._last_v_m_s is not None and dt_s > 0.0:
-            lean, learn = min(dt_s / _LEAN_S, 1.0), min(dt_s / _LEARN_S, 1.0)
+            lean, learn, forget = (min(dt_s / time_s, 1.0) for time_s in (_LEAN_S, _LEARN_S, _FORGET_S))
             n, e = (f + lean * (a - f) for f, a in zip(self._flown_m_s2, asked_m_s2, strict=True))
             self._flown_m_s2 = (n, e)
             gained = [(v - last) / dt_s for v, last in zip(now, self._last_v_m_s, strict=True)]
-            n, e = (r + learn * (f - g - r) for r, f, g in zip(self._ned_a_m_s2, self._flown_m_s2, gained, strict=True))
+            seen = [f - g for f, g in zip(self._flown_m_s2, gained, strict=True)]
+            n, e = (
+                r + (learn if s * r >= r * r else forget) * (s - r) for r, s in zip(self._ned_a_m_s2, seen, strict=True)
+            )
             self._ned_a_m_s2 = (n, e)
         self._last_v_m_s = now
 
-    def against(self, ned_a_m_s2: tuple[float, float]) -> tuple[float, float]:
-        """The part of an acceleration that only holds the speed, m/s²: along it, and never more than it."""
+    def against(
+        self, ned_a_m_s2: tuple[float, float], ned_v_m_s: tuple[float, float], largest_m_s: float
+    ) -> tuple[float, float]:
+        """The part of an acceleration that only holds the speed, m/s²: along it, and never more than it.
+
+        Args:
+            ned_a_m_s2: acceleration, north and east.
+            ned_v_m_s: velocity, north and east, m/s.
+            largest_m_s: largest speed, m/s: not passed should that part make the vehicle faster until it is noticed.
+        """
         size2 = ned_a_m_s2[0] ** 2 + ned_a_m_s2[1] ** 2
         if size2 == 0.0:
             return (0.0, 0.0)
         along = sum(r * a for r, a in zip(self._ned_a_m_s2, ned_a_m_s2, strict=True)) / size2
         share = min(max(along, 0.0), 1.0)
+        # The largest share with |v + share a t| <= largest.
+        gain2, room2 = size2 * _UNNOTICED_S**2, largest_m_s**2 - ned_v_m_s[0] ** 2 - ned_v_m_s[1] ** 2
+        faster = sum(v * a for v, a in zip(ned_v_m_s, ned_a_m_s2, strict=True)) * _UNNOTICED_S
+        root = faster * faster + gain2 * room2
+        granted = (math.sqrt(root) - faster) / gain2 if root > 0.0 else 0.0
+        share = min(share, max(granted, 0.0))
         return (share * ned_a_m_s2[0], share * ned_a_m_s2[1])
 
 

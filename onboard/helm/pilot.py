@@ -161,8 +161,10 @@ class Pilot:
         if self._asked_m_s2 is None:
             self._resistance.reset()
         self._resistance.learn(ned_vehicle_v_m_s, self._asked_m_s2 or (0.0, 0.0), dt_s)
-        change = [(a - b) / self._horizon_s for a, b in zip(led_to_m_s, ned_vehicle_v_m_s[:2], strict=True)]
-        north, east = self._resistance.against((change[0], change[1]))
+        v = (ned_vehicle_v_m_s[0], ned_vehicle_v_m_s[1])
+        change = [(a - b) / self._horizon_s for a, b in zip(led_to_m_s, v, strict=True)]
+        largest_m_s = self._config.containment.speed_m_s
+        north, east = self._resistance.against((change[0], change[1]), v, largest_m_s)
         return (north * self._horizon_s, east * self._horizon_s)
 
     def _acceleration_to(self, ned_v_m_s: Vec3, ned_vehicle_v_m_s: Vec3) -> tuple[float, float]:

@@ -124,3 +124,28 @@ def test_a_simulated_vehicle_stays_inside(wishes, obeyed):
                 p[i] += v[i] * 0.05
             assert math.hypot(p[0], p[1]) <= BOUNDS.radius_m + 0.5
             assert BOUNDS.height_min_m - 0.6 <= -p[2] <= BOUNDS.height_max_m + 0.6
+
+
+_WIND = st.tuples(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5))
+
+
+@given(_WIND, _WIND, st.sampled_from([0.1, 0.3, 1.0]), st.floats(0.2, 0.3), st.tuples(_SPEED, _SPEED))
+@settings(max_examples=25)
+def test_no_wind_that_ends_or_turns_leads_beyond_the_largest_speed(before, after, drag, lean_s, wish):
+    """A chase that holds a velocity by accelerations, on a vehicle of 1 kg with up to the drag of PX4's own quadrotor,
+    N per m/s: past the largest speed by 3 % at most when the wind changes at once, whatever it was."""
+    pilot, v, lean, total, t_ns = Pilot(HelmConfig(), LimiterConfig()), [0.0, 0.0], [0.0, 0.0], [0.0, 0.0], NOW
+    largest, fastest = HelmConfig().containment.speed_m_s, 0.0
+    for k in range(200):
+        t_ns += 40_000_000
+        error = [w - x for w, x in zip(wish, v, strict=True)]
+        total = [s + 0.8 * e * 0.04 for s, e in zip(total, error, strict=True)]
+        asked = tuple(1.8 * e + s for e, s in zip(error, total, strict=True))
+        verdict = Verdict("pursuit", (0.0, 0.0, 0.0), 0.0, 0.0, ned_a_m_s2=(asked[0], asked[1]))
+        flown = pilot.fly(verdict, _telemetry((0.0, 0.0, -5.0), (*v, 0.0), 0.0, t_ns), NOTHING_KNOWN, t_ns)
+        assert flown is not None and isinstance(flown.local, AccelerationSetpoint)
+        for i, a in enumerate((flown.local.north_m_s2, flown.local.east_m_s2)):
+            lean[i] += (a - lean[i]) * 0.04 / lean_s
+            v[i] += (lean[i] - drag * (v[i] - (before if k < 120 else after)[i])) * 0.04
+        fastest = max(fastest, math.hypot(*v)) if k >= 120 else 0.0
+    assert fastest <= 1.03 * largest

@@ -111,6 +111,15 @@ def test_no_reader_no_raw_picture() -> None:
     assert "camera/down/raw" not in {o.topic for o in run.step(1001 * MS)}
 
 
+def test_depth_is_asked_for_only_while_somebody_reads_it() -> None:
+    front = {"width": 64, "height": 48, "fx_px": 40.0, "fy_px": 40.0, "cx_px": 31.5, "cy_px": 23.5, "depth": {}}
+    node = CameraNode(Config({"camera": {"front": front}}, SECTIONS), "camera")
+    node.has_reader = lambda topic: topic == "camera/front/jpeg"
+    assert node.wants("sim/camera/front") and not node.wants("sim/camera/front/depth")
+    node.has_reader = lambda topic: topic == "camera/front/depth"
+    assert node.wants("sim/camera/front/depth") and not node.wants("sim/camera/front")
+
+
 def test_calibration_is_scaled_to_the_pictures_of_a_file(folder: Path) -> None:
     node = _node(source=str(folder))
     assert isinstance(node.trigger, Every)

@@ -49,19 +49,34 @@ def test_an_acceleration_that_holds_the_speed_against_the_wind_is_flown():
 
 
 def test_the_largest_speed_holds_against_the_wind_and_when_it_drops():
-    assert 2.5 < _flown(5.0, -0.5)[-1] < 3.1
-    speeds = _flown(5.0, -0.5, calm_from_s=10.0)
-    assert max(speeds) < 3.3, "half a second, until it is noticed"
-    assert max(speeds[-100:]) < 3.1
+    """With this drag it is not reached: all of what holds the vehicle back may end at once."""
+    assert 2.5 < _flown(5.0, -0.5)[-1] < 2.7
+    assert max(_flown(5.0, -0.5, calm_from_s=10.0)) < 2.8
+    assert max(_flown(5.0, -1.5, calm_from_s=10.0)) < 2.8
 
 
 def test_what_pushes_on_is_no_reason_to_ask_for_more():
     resistance = Resistance()
     for k in range(100):
         resistance.learn((0.04 * k, 0.0, 0.0), (0.0, 0.0), 0.04)  # 1 m/s² north, without being asked for
-    assert resistance.against((2.0, 0.0)) == (0.0, 0.0)
-    assert resistance.against((-2.0, 0.0)) == pytest.approx((-1.0, 0.0), abs=0.05)
-    assert resistance.against((-0.5, 0.0)) == (-0.5, 0.0), "never more than was asked for"
-    assert resistance.against((0.0, 2.0)) == (0.0, 0.0)
+    still = (0.0, 0.0)
+    assert resistance.against((2.0, 0.0), still, 3.0) == (0.0, 0.0)
+    assert resistance.against((-2.0, 0.0), still, 3.0) == pytest.approx((-1.0, 0.0), abs=0.05)
+    assert resistance.against((-0.5, 0.0), still, 3.0) == (-0.5, 0.0), "never more than was asked for"
+    assert resistance.against((0.0, 2.0), still, 3.0) == (0.0, 0.0)
     resistance.reset()
-    assert resistance.against((-2.0, 0.0)) == (0.0, 0.0)
+    assert resistance.against((-2.0, 0.0), still, 3.0) == (0.0, 0.0)
+
+
+def test_what_ends_at_once_is_forgotten_sooner_than_it_was_learnt_and_does_not_lead_beyond_the_largest_speed():
+    resistance = Resistance()
+    for _ in range(100):
+        resistance.learn((2.0, 0.0, 0.0), (3.0, 0.0), 0.04)  # 3 m/s² hold 2 m/s
+    assert resistance.against((3.0, 0.0), (2.0, 0.0), 3.0) == pytest.approx((3.0, 0.0), abs=0.01)
+    granted, _ = resistance.against((3.0, 0.0), (2.9, 0.0), 3.0)
+    assert granted == pytest.approx(0.5), "0.1 m/s in the 0.2 s until the end of it is noticed"
+    assert resistance.against((3.0, 0.0), (3.1, 0.0), 3.0) == (0.0, 0.0)
+    assert resistance.against((0.0, 3.0), (2.0, 0.0), 3.0) == pytest.approx((0.0, 0.0), abs=1e-9)
+    for k in range(8):
+        resistance.learn((2.0 + 0.12 * k, 0.0, 0.0), (3.0, 0.0), 0.04)  # all of it makes the vehicle faster
+    assert resistance.against((3.0, 0.0), (2.0, 0.0), 3.0)[0] < 0.75

@@ -74,11 +74,12 @@ class Feeder:
 class World:
     """A node, its feeder, and a scripted run."""
 
-    def __init__(self, folder: Path, extra: str = "", **world: object) -> None:
+    def __init__(self, folder: Path, extra: str = "", camera: dict | None = None, **world: object) -> None:
         scenario = folder / "test.toml"
         scenario.write_text(SCENARIO.format(extra=extra))
         port = free_port()
         tables = {"world": {"scenario": str(scenario), "port": port, "autopilot_port": 9, **world}}
+        tables |= {"camera": camera} if camera else {}
         self.node = WorldNode(Config(tables, SECTIONS), "world")
         self.run = ScriptedRun(self.node)
         self.feeder = Feeder(port)
@@ -172,11 +173,23 @@ def test_nothing_goes_out_while_the_pose_is_stale_and_it_recovers(world: World) 
     assert len(pictures(world.fly(2, 5.0))) == 2
 
 
-def test_nobody_reads_nothing_is_rendered(world: World) -> None:
-    world.node.has_reader = lambda topic: topic == "truth"
-    steps = world.fly(3, 5.0)
-    assert not pictures(steps) and len(truths(steps)) == 3
-    assert world.node.metrics()["picture_ms_median"] == 0.0
+def test_nobody_reads_nothing_is_rendered(tmp_path: Path) -> None:
+    """Neither colour nor depth; and each of them alone, for those who read that."""
+    front = {"width": 64, "height": 48, "fx_px": 40.0, "fy_px": 40.0, "cx_px": 31.5, "cy_px": 23.5}
+    world = World(tmp_path, camera={"front": {**front, "depth": {"range_max_m": 8.0}}})
+    try:
+        world.node.has_reader = lambda topic: topic == "truth"
+        steps = world.fly(3, 5.0)
+        assert not pictures(steps) and len(truths(steps)) == 3
+        metrics = world.node.metrics()
+        assert metrics["picture_ms_median"] == metrics["depth_ms_median"] == 0.0
+        for read, idle in (("sim/camera/front", "depth_ms_median"), ("sim/camera/front/depth", "")):
+            world.node.has_reader = lambda topic, read=read: topic == read
+            assert {o.topic for o in pictures(world.fly(2, 5.0))} == {read}
+            assert not idle or world.node.metrics()[idle] == 0.0
+        assert world.node.metrics()["depth_ms_median"] > 0.0
+    finally:
+        world.close()
 
 
 @pytest.mark.slow
