@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from onboard.helm.actions import Action, Kind
-from onboard.helm.arbiter import HOVER, Candidate, Verdict, arbitrate, fault
+from onboard.helm.arbiter import HOVER, Candidate, Verdict, arbitrate
 from onboard.helm.config import HelmConfig
 from onboard.helm.dialect.base import Role
 from onboard.helm.machine import Engagement, Machine, presence
@@ -17,19 +17,18 @@ from onboard.helm.pilot import Flown, Pilot, homing
 from onboard.helm.seen import Seen
 from onboard.helm.states import Event, State, accepts, in_control
 from onboard.helm.takeoff import Takeoff
+from onboard.helm.tasks import TaskWatch
 from onboard.helm.telemetry import Telemetry
 from onboard.limiter.config import LimiterConfig
 
 _HOVER_PERIOD_S = 0.036  # two steps of 20 ms
 _REPEAT_S = 0.09  # a repeat must not come just before the next request of a 20 Hz stream and hold it up
 _PERIOD_MIN_S = 0.018
-_LINK_ALIVE_S = 1.0
 _LAND_WITHIN_S = 4.0
 _TAKEOFF_NEAR_M = 1.0
 _PARAMETERS_AGAIN_S = 5.0
 _STICK_DEADBAND = 1e-3
 _STICK_STATES = accepts(Event.STICK)
-_LOSS_EVENTS = {"return": Event.LINK_LOST_RETURN, "land": Event.LINK_LOST_LAND, "hover": Event.LINK_LOST_HOVER}
 
 
 class Flight:
@@ -54,10 +53,7 @@ class Flight:
         self._outbox: list[Action] = []
         self._last_sent_ns = 0
         self._last_basis_ns = 0
-        self._link_ns = 0
-        self._target_ns = 0
-        self._taken_over_ns: int | None = None
-        self._chase_back_ns: int | None = None
+        self._tasks = TaskWatch(config)
         self._parameters_ns = 0
 
     @property
@@ -119,8 +115,7 @@ class Flight:
         self.machine.counters[event.value] += 1
         if self.state is not before:
             self._enter(before, telemetry, t_ns)
-            self._taken_over_ns = t_ns if event is Event.TAKEN_OVER else None
-            self._chase_back_ns = None
+            self._tasks.entered(self.state, event, t_ns)
         return True
 
     # ------------------------------------------------------------ one part of the cycle each
@@ -140,8 +135,6 @@ class Flight:
         if state is State.LANDING:
             self.orders.fail_all("superseded by the landing", keep=("landing",))
             self.do(Action(Kind.LAND))
-        elif state in (State.PURSUIT, State.FOLLOW, State.APPROACH, State.SEARCH):
-            self._link_ns = self._target_ns = t_ns
         elif state in (State.YIELDED, State.FAILSAFE, State.DISCONNECTED, State.STANDBY):
             if state is State.STANDBY and before is State.LANDING:
                 self.orders.settle("landing", "done", reason)
@@ -276,12 +269,12 @@ class Flight:
                 telemetry,
                 t_ns,
             )
-        elif state is State.PURSUIT:
-            self._watch_chase(seen, t_ns)
-        elif state is State.FOLLOW:
-            self._watch_follow(seen, t_ns)
-        elif state in (State.APPROACH, State.SEARCH):
-            self._watch_task(state.value, seen, t_ns)
+        else:
+            judged = self._tasks.judge(state, self.verdict, seen, t_ns)
+            if judged.event is not None:
+                self.fire(judged.event, judged.reason, telemetry, t_ns)
+            elif judged.reason:
+                self.machine.reason = judged.reason
 
     def _arbitrate(self, seen: Seen, t_ns: int) -> Verdict:
         """Operator over task; a stick at rest ends nothing that is under way."""
@@ -300,78 +293,6 @@ class Flight:
         attitude = seen.telemetry.attitude
         return arbitrate(candidates, t_ns, attitude.yaw_rad if attitude else math.nan, self.config.freshness_s)
 
-    def _watch_chase(self, seen: Seen, t_ns: int) -> None:
-        """Hover at once without a request; after the configured time, what the configuration says."""
-        if self.verdict.source == "follow":
-            self.fire(
-                Event.TAKEN_OVER, "nothing from the chase: the vehicle follows its target itself", seen.telemetry, t_ns
-            )
-            return
-        if _chase_speaks(seen, t_ns):
-            self._link_ns = t_ns
-        if self.verdict.source == "pursuit" and (seen.track is None or seen.track.tracking):
-            self._target_ns = t_ns
-            self.machine.reason = "obeying the chase"
-            return
-        silent_s, without_s = (t_ns - self._link_ns) / 1e9, (t_ns - self._target_ns) / 1e9
-        action = self.config.link_loss_action
-        if silent_s > self.config.link_loss_after_s:
-            self.fire(
-                _LOSS_EVENTS[action], f"nothing from the chase for {silent_s:.0f} s: {action}", seen.telemetry, t_ns
-            )
-        elif silent_s <= 0.0 and without_s > self.config.containment.chase_without_target_s:
-            self.fire(Event.TARGET_AWAY, f"no target for {without_s:.0f} s: hold", seen.telemetry, t_ns)
-        elif self.verdict.source == "helm":
-            self.machine.reason = f"no fresh request from the chase for {without_s:.1f} s: hover"
-
-    def _watch_follow(self, seen: Seen, t_ns: int) -> None:
-        """Hover at once without a request; a chase that was taken over is handed back, or ended in time."""
-        if self.verdict.source == "follow":
-            self._target_ns = t_ns
-            self.machine.reason = "obeying the follower"
-        if self._taken_over_ns is not None:
-            if self._handed_back(seen, t_ns):
-                return
-            alone_s = (t_ns - self._taken_over_ns) / 1e9
-            unseen_s = (t_ns - self._target_ns) / 1e9
-            if alone_s > self.config.follow_without_link_s or unseen_s > self.config.link_loss_after_s:
-                action = self.config.link_loss_action
-                self.fire(
-                    _LOSS_EVENTS[action], f"nothing from the chase for {alone_s:.0f} s: {action}", seen.telemetry, t_ns
-                )
-                return
-            self.machine.reason = f"no link for {alone_s:.0f} s: following the chase's target"
-        without_s = (t_ns - self._target_ns) / 1e9
-        if without_s > self.config.containment.chase_without_target_s:
-            self.fire(Event.TARGET_AWAY, f"no target for {without_s:.0f} s: hold", seen.telemetry, t_ns)
-        elif self.verdict.source == "helm":
-            self.machine.reason = f"no fresh request from the follower for {without_s:.1f} s: hover"
-
-    def _handed_back(self, seen: Seen, t_ns: int) -> bool:
-        """Give a chase that has been back with its target for long enough its vehicle again."""
-        chase, track = seen.pursuit, seen.track
-        back = chase is not None and fault(chase, t_ns, self.config.freshness_s) is None
-        if not back or track is None or not track.tracking or track.age_s > self.config.freshness_s:
-            self._chase_back_ns = None
-            return False
-        if self._chase_back_ns is None:
-            self._chase_back_ns = t_ns
-        if (t_ns - self._chase_back_ns) / 1e9 < self.config.hand_back_after_s:
-            return False
-        return self.fire(Event.HANDED_BACK, "the chase is back with its target", seen.telemetry, t_ns)
-
-    def _watch_task(self, task: str, seen: Seen, t_ns: int) -> None:
-        """Hover at once without a request, its target being lost or its way flown; after the configured time, hold."""
-        if self.verdict.source == task:
-            self._target_ns = t_ns
-            self.machine.reason = f"obeying the {task}"
-            return
-        without_s = (t_ns - self._target_ns) / 1e9
-        if without_s > self.config.containment.chase_without_target_s:
-            self.fire(Event.TARGET_AWAY, f"nothing from the {task} for {without_s:.0f} s: hold", seen.telemetry, t_ns)
-        else:
-            self.machine.reason = f"no fresh request from the {task} for {without_s:.1f} s: hover"
-
     def _due(self, t_ns: int) -> bool:
         """A setpoint is due for each new request (50 Hz at most), 90 ms after it when no other has come, and at 25 Hz
         while nobody is obeyed."""
@@ -381,14 +302,6 @@ class Flight:
             return False
         self._last_basis_ns = max(self.verdict.basis_ns, self._last_basis_ns)
         return True
-
-
-def _chase_speaks(seen: Seen, t_ns: int) -> bool:
-    """Whether anything has come from the chase of late: a request, or a word of its tracker."""
-    spoke_ns = [seen.pursuit.received_ns] if seen.pursuit else []
-    if seen.track is not None:
-        spoke_ns.append(t_ns - int(seen.track.age_s * 1e9))
-    return any((t_ns - ns) / 1e9 < _LINK_ALIVE_S for ns in spoke_ns)
 
 
 def _moves(candidate: Candidate | None) -> bool:
