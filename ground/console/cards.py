@@ -69,12 +69,12 @@ def _figures(view: Snapshot) -> str:
     values = ["—", "—", "—", "—"]
     if view.state is not None and view.fresh(STATE):
         s = view.state
-        yaw = math.degrees(euler_from_quat(s.ned_q_body)[2]) % 360
+        yaw = math.degrees(euler_from_quat(s.ned_q_body)[2])
         speed = math.hypot(*s.ned_v_m_s[:2])
         values = [
             f"{-s.ned_p_m[2]:.1f} <i>m</i>",
             f"{speed:.1f} <i>m/s</i>",
-            f"{yaw:03.0f}°",
+            f"{round(yaw) % 360:03d}°",
             f"{s.battery_fraction:.0%}" if s.battery_fraction >= 0 else "—",
         ]
     names = ("height", "speed", "heading", "battery")

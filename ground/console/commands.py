@@ -84,7 +84,7 @@ PUSH_BACK = Action(
 SELECT_FOLLOWED = Action("Choose what to follow", ("follow/do/select",), Icon.MARQUEE_2)
 SELECT = Action("Choose target", ("pursuit/do/select",), Icon.MARQUEE_2)
 
-BUTTONS = (
+MAIN = (
     HOLD,
     TAKE_OFF,
     LAND,
@@ -92,17 +92,19 @@ BUTTONS = (
     STOP_CHASE,
     START_FOLLOW,
     STOP_FOLLOW,
-    FIND,
-    FIND_AGAIN,
     APPROACH,
     STOP_APPROACH,
     RETURN,
     ENGAGE,
     ARM,
     DISARM,
-    PUSH_BACK,
 )
-"""Buttons of the page, in reading order."""
+"""Buttons that are always in view, in reading order."""
+OF_TARGET = (FIND, FIND_AGAIN)
+"""Those beside the target."""
+OF_SETTINGS = (PUSH_BACK,)
+"""Those among the settings."""
+BUTTONS = (*MAIN, *OF_TARGET, *OF_SETTINGS)
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from common.session import BusConfig
 from ground.console.collector import Collector
 from ground.console.commands import CHOOSE, SELECT, SELECT_FOLLOWED, Commander
 from ground.console.config import ConsoleConfig
+from ground.console.notes import Notes
 from ground.console.page import Page
 from ground.console.people_cards import listed
 from ground.console.pictures import DrawnBox, PictureBoard
@@ -67,12 +68,13 @@ class ConsoleNode(Node):
         label = f"Outrider · {config.section(BusConfig).vehicle}"
         self._server = open_server(settings, label, (self._stick_link,))
         self._commander = Commander(lambda command, argument: self.query(command, argument))
-        self._page = Page(self._server, settings, self._commander, cameras)
+        self._notes = Notes(self._commander)
+        self._page = Page(self._server, settings, self._commander, self._notes, cameras)
         self._scene = SceneView(self._server, settings)
         self._board = PictureBoard(
             settings,
             on_box=self._choose_in_picture,
-            on_refusal=lambda client, reason: self._page.refuse(client, SELECT, reason),
+            on_refusal=lambda client, reason: self._notes.refuse(client, SELECT, reason),
             on_ray=self._choose_thing,
         )
         self._watch = LifeWatch(lambda: self.alive(), wanted=lambda: bool(self._board.viewers))
@@ -109,29 +111,29 @@ class ConsoleNode(Node):
             self._choose_followed(client, drawn)
             return
         if drawn.camera == PURSUIT_CAMERA:
-            self._page.notify(client, SELECT, Command(box_px=drawn.box_px, capture_ns=drawn.capture_ns))
+            self._notes.give(client, SELECT, Command(box_px=drawn.box_px, capture_ns=drawn.capture_ns))
             return
         view = self._snapshot
         camera = None if view is None else view.cameras.get(drawn.camera)
         state = self._collector.state_at(drawn.capture_ns)
         if camera is None or state is None:
-            self._page.refuse(client, CHOOSE, "The camera's calibration or the vehicle's attitude is not known yet.")
+            self._notes.refuse(client, CHOOSE, "The camera's calibration or the vehicle's attitude is not known yet.")
             return
         x, y, width, height = drawn.box_px
         bearing = bearing_rad(camera, state, x + width / 2, y + height / 2)
-        self._page.notify(client, CHOOSE, Command(bearing_rad=bearing))
+        self._notes.give(client, CHOOSE, Command(bearing_rad=bearing))
 
     def _choose_followed(self, client: viser.ClientHandle, drawn: DrawnBox) -> None:
         """A box on the camera that is followed."""
         members = None if self._snapshot is None else self._snapshot.members
         if members is None:
-            self._page.refuse(client, SELECT_FOLLOWED, "No word from the follower: is the node `follow` running?")
+            self._notes.refuse(client, SELECT_FOLLOWED, "No word from the follower: is the node `follow` running?")
         elif members.camera != drawn.camera:
             reason = f"The box is on the camera {drawn.camera}; the vehicle follows by {members.camera}: draw it there."
-            self._page.refuse(client, SELECT_FOLLOWED, reason)
+            self._notes.refuse(client, SELECT_FOLLOWED, reason)
         else:
             argument = Command(box_px=drawn.box_px, capture_ns=drawn.capture_ns)
-            self._page.notify(client, SELECT_FOLLOWED, argument)
+            self._notes.give(client, SELECT_FOLLOWED, argument)
 
     def _choose_thing(self, client: viser.ClientHandle, event: viser.SceneClickEvent) -> None:
         """A click into the 3-D view on a person chooses them in the list, one on an obstacle selects it for the
@@ -151,7 +153,7 @@ class ConsoleNode(Node):
         points = [np.asarray(view.state.ned_p_m) + o.distance_m * np.asarray(o.ned_direction) for o in view.obstacles]
         point = point_on_ray(points, eye, ray)
         if point is not None:
-            self._page.notify(client, CHOOSE, Command(ned_p_m=as_vec3(point)))
+            self._notes.give(client, CHOOSE, Command(ned_p_m=as_vec3(point)))
 
     def _stick_request(self, inputs: Inputs, view: Snapshot) -> Output | None:
         """What the stick asks for, stamped with the vehicle's clock when the operator's page said so."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal
 
 import viser
 
@@ -27,16 +27,18 @@ from ground.console.commands import (
     BUTTONS,
     ENGAGE,
     HOLD,
+    MAIN,
+    OF_SETTINGS,
+    OF_TARGET,
     PUSH_BACK,
     START_CHASE,
     START_FOLLOW,
     TAKE_OFF,
     Action,
     Commander,
-    LastCommand,
-    by_operator,
 )
 from ground.console.config import ConsoleConfig
+from ground.console.notes import Notes
 from ground.console.people_tab import PeopleTab
 from ground.console.plot import ErrorHistory, ErrorPlot
 from ground.console.ring import hud_html, knows_something
@@ -58,13 +60,6 @@ _PLAIN = (58, 66, 77)
 _HOLD_COLOUR = (201, 108, 0)
 _NEXT_COLOUR = (31, 122, 68)
 _TAKEN_COLOUR = (176, 96, 0)
-_NOTE_COLOUR: dict[str, Literal["blue", "green", "orange", "red"]] = {
-    "running": "blue",
-    "done": "green",
-    "refused": "orange",
-    "failed": "red",
-}
-_NOTE_S = {"done": 3.0, "refused": 8.0, "failed": 12.0}
 
 
 def next_actions(view: Snapshot) -> set[str]:
@@ -114,21 +109,28 @@ class Page:
     Args:
         server: the web server.
         config: heights, nodes, spans.
-        commander: runs the commands.
+        commander: runs the commands, and knows the last ones.
+        notes: gives orders for browsers.
         cameras: names of the vehicle's cameras.
     """
 
     def __init__(
-        self, server: viser.ViserServer, config: ConsoleConfig, commander: Commander, cameras: tuple[str, ...]
+        self,
+        server: viser.ViserServer,
+        config: ConsoleConfig,
+        commander: Commander,
+        notes: Notes,
+        cameras: tuple[str, ...],
     ):
         self._config = config
-        self._commander = commander
+        self._commander, self._notes = commander, notes
         self._server = server
         self._due_ns = 0
         self._slow_due_ns = 0
         self._beat = 0
         self._has_selected = False
         self._pushes_back = False
+        self._buttons: dict[str, viser.GuiButtonHandle] = {}
         gui = server.gui
         gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=(74, 168, 255))
         gui.main_panel.dock_right()
@@ -142,16 +144,17 @@ class Page:
         self._box_for = gui.add_dropdown("A box chooses", (FOR_CHASE, FOR_FOLLOWER))
         buttons = gui.add_folder(None)
         with buttons:
-            self._buttons = {action.label: self._add_button(gui, action) for action in BUTTONS}
+            self._add_buttons(gui, MAIN)
         gui.add_html(FRAME)
         last_text = gui.add_html(last_html(None, 0))
         tabs = gui.add_tab_group()
         with tabs.add_tab("Target"):
             self._things = gui.add_dropdown("Approach what", (AS_SELECTED,))
             approach_text, target_text = gui.add_html(""), gui.add_html("")
+            self._add_buttons(gui, OF_TARGET)
             self._plot = ErrorPlot(gui, config.history_s)
         with tabs.add_tab("People"):
-            self.people = PeopleTab(gui, self.notify, self.refuse)
+            self.people = PeopleTab(gui, notes)
             """What the operator can do about people."""
         with tabs.add_tab("Checks"):
             checks_text = gui.add_html("")
@@ -160,16 +163,8 @@ class Page:
         with tabs.add_tab("Log"):
             log_text = gui.add_html("")
         with tabs.add_tab("Set"):
-            self._height = gui.add_slider(
-                "Take-off, m", min=1.0, max=30.0, step=0.5, initial_value=config.takeoff_height_m
-            )
-            self._stick_speed = gui.add_slider(
-                "Stick, m/s",
-                min=0.1,
-                max=config.stick_speed_max_m_s,
-                step=0.1,
-                initial_value=config.stick_speed_m_s,
-            )
+            self._height, self._stick_speed = _sliders(gui, config)
+            self._add_buttons(gui, OF_SETTINGS)
         self._texts = Texts(
             headline,
             alarm_text,
@@ -242,44 +237,8 @@ class Page:
                     f": what you see is old</div>"
                 )
 
-    def notify(self, client: viser.ClientHandle, action: Action, argument: Command) -> None:
-        """Give an action's commands for a browser, which is told when they go out and how they end."""
-        note: list[viser.NotificationHandle] = []
-
-        def report(entry: LastCommand) -> None:
-            if entry.outcome == "running":
-                note.append(
-                    client.add_notification(
-                        entry.label, "waiting for the reply …", loading=True, with_close_button=False, color="blue"
-                    )
-                )
-                return
-            for waiting in note:
-                waiting.remove()
-            client.add_notification(
-                f"{entry.label}: {entry.outcome}",
-                entry.reason,
-                color=_NOTE_COLOUR[entry.outcome],
-                auto_close_seconds=_NOTE_S[entry.outcome],
-            )
-
-        if not self._commander.start(action, by_operator(argument, client.client_id), report):
-            client.add_notification(
-                action.label, "still waiting for the reply to the first press", color="orange", auto_close_seconds=3.0
-            )
-
-    def refuse(self, client: viser.ClientHandle, action: Action, reason: str) -> None:
-        """Tell a browser that the console itself refuses an action."""
-        self._commander.refuse(
-            action,
-            reason,
-            lambda entry: (
-                client.add_notification(
-                    f"{entry.label}: refused", entry.reason, color="orange", auto_close_seconds=_NOTE_S["refused"]
-                )
-                and None
-            ),
-        )
+    def _add_buttons(self, gui: viser.GuiApi, actions: Iterable[Action]) -> None:
+        self._buttons |= {action.label: self._add_button(gui, action) for action in actions}
 
     def _add_button(self, gui: viser.GuiApi, action: Action) -> viser.GuiButtonHandle:
         button = gui.add_button(action.label, icon=action.icon, color=_HOLD_COLOUR if action is HOLD else _PLAIN)
@@ -288,7 +247,7 @@ class Page:
         def _(event: viser.GuiEvent) -> None:
             if event.client is None:
                 return
-            self.notify(event.client, *self._asked(action))
+            self._notes.give(event.client, *self._asked(action))
 
         return button
 
@@ -308,7 +267,11 @@ class Page:
         """Names of the things that are seen now; the one that is chosen stays in the list."""
         target = view.approach if view.fresh(APPROACH_TOPIC) else None
         self._has_selected = target is not None and target.state == "tracking"
-        self._pushes_back = view.limiter is not None and view.limiter.push_back_m_s > 0.0
+        if view.limiter is not None:
+            self._pushes_back = view.limiter.push_back_m_s > 0.0
+            switch, words = self._buttons[PUSH_BACK.label], f"Switch push-back {'off' if self._pushes_back else 'on'}"
+            if switch.label != words:
+                switch.label = words
         names = {o.label for o in view.obstacles if o.label} | {self._things.value} - {AS_SELECTED}
         options = (AS_SELECTED, *sorted(names))
         if tuple(self._things.options) != options:
@@ -326,3 +289,12 @@ class Page:
 def _put(element: viser.GuiHtmlHandle, content: str) -> None:
     if element.content != content:
         element.content = content
+
+
+def _sliders(gui: viser.GuiApi, config: ConsoleConfig) -> tuple[viser.GuiSliderHandle, viser.GuiSliderHandle]:
+    """Height of the take-off, and speed at full deflection of the stick."""
+    start, fastest = config.stick_speed_m_s, config.stick_speed_max_m_s
+    return (
+        gui.add_slider("Take-off, m", min=1.0, max=30.0, step=0.5, initial_value=config.takeoff_height_m),
+        gui.add_slider("Stick, m/s", min=0.1, max=fastest, step=0.1, initial_value=start),
+    )

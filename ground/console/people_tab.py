@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import viser
 
 from common.messages import Command, person_label
@@ -17,6 +15,7 @@ from ground.console.commands import (
     STOP_SEARCH,
     Action,
 )
+from ground.console.notes import Notes
 from ground.console.people_cards import (
     called,
     faces_html,
@@ -32,9 +31,6 @@ NOBODY: str = "nobody yet"
 """The list's only choice while nobody was found."""
 _LONGEST_NAME = 40
 _PLAIN = (58, 66, 77)
-
-Notify = Callable[[viser.ClientHandle, Action, Command], None]
-Refuse = Callable[[viser.ClientHandle, Action, str], None]
 
 
 class OrderRefused(ValueError):
@@ -74,12 +70,11 @@ class PeopleTab:
 
     Args:
         gui: where they are built.
-        notify: gives an order for a browser.
-        refuse: tells a browser why an order is none.
+        notes: gives orders for browsers, and tells them why one is none.
     """
 
-    def __init__(self, gui: viser.GuiApi, notify: Notify, refuse: Refuse):
-        self._notify, self._refuse = notify, refuse
+    def __init__(self, gui: viser.GuiApi, notes: Notes):
+        self._notes = notes
         self._interrupted = False
         self._search = gui.add_html("")
         self.buttons = {action: self._add_search(gui, action) for action in (SEARCH_AREA, STOP_SEARCH)}
@@ -122,7 +117,7 @@ class PeopleTab:
         def _(event: viser.GuiEvent) -> None:
             if event.client is not None:
                 goes_on = action is SEARCH_AREA and self._interrupted
-                self._notify(event.client, RESUME_SEARCH if goes_on else action, Command())
+                self._notes.give(event.client, RESUME_SEARCH if goes_on else action, Command())
 
         return button
 
@@ -136,9 +131,9 @@ class PeopleTab:
             try:
                 argument = order(action, self._who.value, self._name.value, self._other.value)
             except OrderRefused as refusal:
-                self._refuse(event.client, action, str(refusal))
+                self._notes.refuse(event.client, action, str(refusal))
                 return
-            self._notify(event.client, action, argument)
+            self._notes.give(event.client, action, argument)
 
         return button
 

@@ -14,8 +14,10 @@ from playwright.sync_api import Browser
 
 from common.messages import MemberBox, PreflightItem, Reply
 from common.session import BusConfig
-from tests.browser.conftest import WAIT_MS, Console, View, open_view, wait_for
-from tests.browser.scripted import CHECKS, ScriptedVehicle, barrel
+from tests.browser.conftest import Console
+from tests.browser.script import CHECKS, barrel
+from tests.browser.scripted import ScriptedVehicle
+from tests.browser.view import WAIT_MS, View, open_view, wait_for
 from tests.machine import free_ports
 
 GREEN = (132, 220, 61)
@@ -236,7 +238,7 @@ def test_three_d_view_and_back(view: View, vehicle: ScriptedVehicle) -> None:
 
 @pytest.mark.usefixtures("nobody_else_looks")
 def test_page_says_so_when_the_console_hangs(browser: Browser, own_console: Console, vehicle: ScriptedVehicle) -> None:
-    view = open_view(browser, own_console)
+    view = open_view(browser, own_console.url)
     time.sleep(2.0)
     lost = view.page.get_by_text("NO CONNECTION TO THE CONSOLE")
     lost.wait_for(state="hidden", timeout=WAIT_MS)  # a busy machine may have held up a beat

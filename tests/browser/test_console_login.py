@@ -10,8 +10,9 @@ from playwright.sync_api import Browser, Page
 
 from common.session import BusConfig
 from ground.console.password import make_hash, write_hash
-from tests.browser.conftest import WAIT_MS, Console, View, wait_for
+from tests.browser.conftest import Console
 from tests.browser.scripted import ScriptedVehicle
+from tests.browser.view import WAIT_MS, View, wait_for
 from tests.machine import free_ports
 
 PASSWORD = "brake to rest, then hold"

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 
 from common.messages import JOINTS, Command, Person, PersonDetection, SearchStatus
-from tests.browser.conftest import View, wait_for
 from tests.browser.scripted import ScriptedVehicle
+from tests.browser.view import View, wait_for
 
 BLUE = (255, 90, 30)
 """Of the picture of a person, BGR."""

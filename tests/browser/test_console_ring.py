@@ -7,8 +7,9 @@ import numpy as np
 
 from common.messages import ApproachTarget, Obstacle
 from ground.console.ring import ZONES
-from tests.browser.conftest import View, wait_for
-from tests.browser.scripted import ScriptedVehicle, barrel
+from tests.browser.script import barrel
+from tests.browser.scripted import ScriptedVehicle
+from tests.browser.view import View, wait_for
 
 
 def hud_share(view: View, zone: str) -> float:

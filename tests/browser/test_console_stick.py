@@ -9,8 +9,9 @@ import pytest
 from playwright.sync_api import Browser, FrameLocator
 
 from common.messages import Vec3
-from tests.browser.conftest import Console, View, open_view, wait_for
+from tests.browser.conftest import Console
 from tests.browser.scripted import ScriptedVehicle
+from tests.browser.view import View, open_view, wait_for
 
 HOVER: Vec3 = (0.0, 0.0, 0.0)
 FRESH_S = 0.3
@@ -129,7 +130,7 @@ def test_what_ends_the_hand_ends_the_motion(
     )
     view.page.keyboard.up("w")
 
-    second = open_view(browser, console)
+    second = open_view(browser, console.url)
     fly(view)
     take(second)  # the clicks take their time; by its end the first one's motion must be over
     taken_ns = time.monotonic_ns()

@@ -27,7 +27,8 @@ from simulation.world.objects_config import PersonConfig
 from simulation.world.scenario import CarConfig, GroundConfig, ScenarioConfig
 from simulation.world.stage import Stage
 from simulation.world.truth_filter import Motion
-from tests.browser.conftest import Console, View, open_view, start_node, wait_for
+from tests.browser.conftest import Console, start_node
+from tests.browser.view import View, open_view, wait_for
 from tests.flying import flying
 from tests.machine import free_ports
 
@@ -119,7 +120,7 @@ def scene(bus_config: BusConfig, browser: Browser, tmp_path: Path) -> Iterator[t
             ends.callback(vehicle.close)
             console = Console(own, free_ports(1)[0], tmp_path / "console.log")
             ends.callback(console.close)
-            view = open_view(browser, console)
+            view = open_view(browser, console.url)
             ends.callback(view.page.close)
             yield vehicle, view
             node.terminate()
