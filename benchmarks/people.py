@@ -25,10 +25,12 @@ from benchmarks.base import Benchmark, Outcome, Settings
 from benchmarks.people_flights import FLIGHTS, Flight
 from benchmarks.people_score import Claim, Score, figures
 from benchmarks.people_sensor import COLOUR, DEPTH, Shot, shots
-from onboard.people.pipeline import Frame, PeoplePipeline
+from onboard.people.findings import Frame
+from onboard.people.pipeline import PeoplePipeline
 from onboard.people.pipeline_config import PeopleConfig
-from onboard.people.pose import Picture, PoseNetwork, blazepose
+from onboard.people.pose import Picture
 from onboard.people.pose_file import blazepose_file
+from onboard.people.pose_network import PoseNetwork, blazepose
 from onboard.people.sights import VehiclePose
 from simulation.world.people_truth import SeenPerson
 

@@ -16,9 +16,11 @@ from benchmarks.base import Benchmark, Outcome, Settings
 from benchmarks.sample_video import sample_frames
 from common.config import ConfigError
 from onboard.people.config import PoseFilterConfig
-from onboard.people.pose import Picture, Pose, PoseFinder, PoseNetwork, blazepose, upright_crop
+from onboard.people.pose import Picture, Pose, upright_crop
 from onboard.people.pose_file import blazepose_file
 from onboard.people.pose_filter import pose_refusal
+from onboard.people.pose_finder import PoseFinder
+from onboard.people.pose_network import PoseNetwork, blazepose
 from onboard.people.regions import Region
 
 BOXES = Path(__file__).parent / "people_vtest.csv"

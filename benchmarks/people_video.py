@@ -14,9 +14,10 @@ from common.config import ConfigError
 from onboard.people.config import PoseFilterConfig
 from onboard.people.detector import PersonDetector
 from onboard.people.detector_file import HOW, fetched_detector
-from onboard.people.pose import PoseFinder, PoseNetwork, blazepose
 from onboard.people.pose_file import blazepose_file
 from onboard.people.pose_filter import pose_refusal
+from onboard.people.pose_finder import PoseFinder
+from onboard.people.pose_network import PoseNetwork, blazepose
 from onboard.people.regions import Box
 from onboard.people.watch import iou
 

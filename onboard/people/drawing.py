@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from common.messages import BONES
-from onboard.people.pipeline import Found
+from onboard.people.findings import Found
 from onboard.people.pose import Picture
 
 _COLOURS = (

@@ -27,12 +27,13 @@ from common.messages import (
 from common.node import CommandCall, Inputs, Node, On, Output
 from common.topics import CAMERAS
 from onboard.people.detector import PersonDetector
+from onboard.people.findings import Findings, Found, Frame
 from onboard.people.pairing import Pairing
-from onboard.people.pipeline import Findings, Found, Frame, PeoplePipeline
+from onboard.people.pipeline import PeoplePipeline
 from onboard.people.pipeline_config import PeopleConfig
 from onboard.people.portraits import Portraits
-from onboard.people.pose import PoseNetwork
 from onboard.people.pose_file import pose_network
+from onboard.people.pose_network import PoseNetwork
 from onboard.people.roll import ORDERS, Roll, triangle
 from onboard.people.sights import VehiclePose
 from onboard.proximity.pose import PoseTrack

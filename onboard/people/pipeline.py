@@ -9,101 +9,26 @@ findings = people.look(Frame(picture, capture_ns, depth_m, depth_ns, vehicle))
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from common.geometry.camera import Camera
 from onboard.people.appearance import look_of
-from onboard.people.bodies import VehiclePose
+from onboard.people.budget import PoseBudget
 from onboard.people.depth import UnusableDepth
 from onboard.people.detector import PersonDetector
+from onboard.people.findings import Findings, Found, Frame
 from onboard.people.memory import Memory
 from onboard.people.pipeline_config import PeopleConfig
-from onboard.people.pose import STANDING_M, Picture, Pose, PoseFinder, PoseNetwork
+from onboard.people.pose import STANDING_M, Pose
 from onboard.people.pose_filter import evidence, foreshortened_refusal, pose_refusal, same_body
-from onboard.people.regions import Box
+from onboard.people.pose_finder import PoseFinder
+from onboard.people.pose_network import PoseNetwork
 from onboard.people.sights import DepthSearch, Sight
 from onboard.people.tracks import Detection, PeopleTracker, Track
 from onboard.people.trim import trimmed
 from onboard.people.walk import Walks
 from onboard.people.watch import Spot, Watch
-
-_SEEN = 0.6
-"""Joints of this confidence are in the picture."""
-_SMOOTHING = 0.2
-"""Share of the newest look's duration in what the next one is expected to take."""
-_MOST_OWED = 2.0
-"""Looks that took longer than the budget are made up for, up to so many budgets: a machine that stood still is no
-reason to stop looking."""
-_LEAST_LEFT = 0.5
-"""A look is begun when so much of what it is expected to take is left of the budget."""
-
-
-@dataclass(frozen=True)
-class Frame:
-    """What the sensors gave at one time."""
-
-    colour: Picture
-    """(H, W, 3) BGR."""
-    capture_ns: int
-    """When the picture was taken, vehicle clock."""
-    depth: NDArray | None = None
-    """(H, W); uint16 in mm, or float in m; None without."""
-    depth_ns: int | None = None
-    """When that was taken."""
-    vehicle: VehiclePose | None = None
-    """Where the vehicle was at `capture_ns`; None where it is not known."""
-
-
-@dataclass(frozen=True)
-class Found:
-    """A person in the picture."""
-
-    number: int
-    """Who it is."""
-    sight: Sight
-    """Region and place."""
-    pose: Pose
-    """Joints in this picture."""
-    fresh: bool
-    """Whether they were found in it, rather than moved along from an earlier one."""
-    picture_px: tuple[int, int] | None = None
-    """Width and height of the picture, where the box ends."""
-
-    @property
-    def box_px(self) -> Box:
-        """x, y, width, height in the picture, of the region and of the joints that are seen: to the region, an arm on
-        the ground is floor, and the depth picture may end before the person does."""
-        x, y, w, h = self.sight.region.box_px
-        seen = self.pose.joints_px[self.pose.confidence > _SEEN]
-        if self.picture_px is not None:
-            seen = seen[((seen >= 0) & (seen < self.picture_px)).all(axis=1)]
-        stands = (self.sight.region.height_m or 0.0) > STANDING_M
-        if not len(seen) or (stands and not self.fresh):  # whose limbs may be elsewhere by now
-            return x, y, w, h
-        low = np.minimum(np.floor(seen.min(axis=0)).astype(int), (x, y))
-        high = np.maximum(np.ceil(seen.max(axis=0)).astype(int), (x + w, y + h))
-        return int(low[0]), int(low[1]), int(high[0] - low[0]), int(high[1] - low[1])
-
-
-@dataclass(frozen=True)
-class Findings:
-    """What one picture showed."""
-
-    people: tuple[Found, ...]
-    """People in it who were not dismissed."""
-    with_depth: bool
-    """Whether depth was used."""
-    reason: str
-    """Why nothing can be found, or only with less than usual; empty when all is well."""
-    sights: tuple[Sight, ...] = ()
-    """Every region that might have been a person."""
-    looks: int = 0
-    """Regions that were looked at for a pose."""
-    stage_ms: dict[str, float] = field(default_factory=dict)
-    """How long `regions`, `poses` and `tracks` took, ms."""
 
 
 class PeoplePipeline:
@@ -135,8 +60,7 @@ class PeoplePipeline:
         self.fit(colour, depth)
         self._finder = PoseFinder(network)
         self._memory = Memory()
-        self._left_ms = 0.0  # of the budget; less than nothing after looks that took longer
-        self._look_ms = {False: 0.0, True: 0.0}  # of a region that is new, of one whose pose is known
+        self._budget = PoseBudget(config.watch.budget_ms)
         self._last_ns: int | None = None
 
     @property
@@ -234,19 +158,15 @@ class PeoplePipeline:
 
     def _pose(self, spots: Sequence[Spot], frame: Frame, with_depth: bool) -> int:
         """Look for poses, the most urgent regions first, within the budget; how many were looked at."""
-        budget_ms, looks = self.config.watch.budget_ms, 0
-        # What the last picture's looks took too long is missing now, so that the budget holds over time.
-        self._left_ms = min(self._left_ms + budget_ms, budget_ms)
-        for spot in self.watch.due(spots, frame.capture_ns) if budget_ms else spots:
+        budget, looks = self._budget, 0
+        budget.next_picture()
+        for spot in self.watch.due(spots, frame.capture_ns) if budget.budget_ms else spots:
             begun, known = self._clock(), spot.expected(frame.capture_ns) is not None
-            expected_ms = self._look_ms[known]
-            if budget_ms and self._left_ms < _LEAST_LEFT * min(expected_ms, budget_ms):
+            if not budget.allows(known):
                 break
             self._pose_of(spot, spots, frame, with_depth)
             looks += 1
-            took_ms = 1e3 * (self._clock() - begun)
-            self._left_ms = max(self._left_ms - took_ms, -_MOST_OWED * budget_ms)
-            self._look_ms[known] += (_SMOOTHING if expected_ms else 1.0) * (took_ms - expected_ms)
+            budget.took(known, 1e3 * (self._clock() - begun))
         return looks
 
     def _pose_of(self, spot: Spot, spots: Sequence[Spot], frame: Frame, with_depth: bool) -> None:

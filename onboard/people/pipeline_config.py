@@ -87,7 +87,7 @@ class PeopleConfig(Section, frozen=True, kw_only=True):
     wait_ms: NonNegative = 120.0
     """How long a picture waits for its depth, ms; then it is taken without, which is said."""
     pose_model: str = ""
-    """TOML file of a pose network (`onboard.people.pose.PoseModel`); empty: BlazePose, which set-up fetches."""
+    """TOML file of a pose network (`onboard.people.pose_network.PoseModel`); empty: BlazePose, which set-up fetches."""
     detector: DetectorConfig | None = None
     """Where regions come from without depth; None: without depth nobody is found."""
     position_sigma_m: Positive = 0.15

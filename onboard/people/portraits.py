@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from common.messages import PersonPicture
-from onboard.people.pipeline import Found
+from onboard.people.findings import Found
 from onboard.people.pose import Picture
 
 _MARGIN = 0.15

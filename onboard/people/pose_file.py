@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from onboard.people.network_file import NetworkFile
-from onboard.people.pose import PoseNetwork, blazepose, read_model
+from onboard.people.pose_network import PoseNetwork, blazepose, read_model
 
 BLAZEPOSE = NetworkFile(
     what="pose model",
@@ -26,7 +26,7 @@ def blazepose_file() -> Path:
 
 
 def pose_network(model: str = "") -> PoseNetwork:
-    """The network of a TOML file (`onboard.people.pose.PoseModel`), or BlazePose when none is named.
+    """The network of a TOML file (`onboard.people.pose_network.PoseModel`), or BlazePose when none is named.
 
     Raises:
         ConfigError: a file is missing, is another one, or cannot be read.

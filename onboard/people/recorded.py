@@ -22,10 +22,12 @@ from onboard.people.caviar import Box, Boxes, read
 from onboard.people.detector import PersonDetector
 from onboard.people.detector_file import HOW, fetched_detector
 from onboard.people.drawing import draw
-from onboard.people.pipeline import Findings, Found, Frame, PeoplePipeline
+from onboard.people.findings import Findings, Found, Frame
+from onboard.people.pipeline import PeoplePipeline
 from onboard.people.pipeline_config import PeopleConfig
-from onboard.people.pose import Picture, PoseNetwork
+from onboard.people.pose import Picture
 from onboard.people.pose_file import pose_network
+from onboard.people.pose_network import PoseNetwork
 from onboard.people.trajectory import ned_of
 from onboard.people.tum import Recorded, TumSequence, is_tum
 from onboard.people.watch import iou

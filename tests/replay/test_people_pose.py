@@ -13,9 +13,11 @@ import pytest
 from benchmarks.people_pose import Annotated, annotated, turn
 from benchmarks.sample_video import sample_frames
 from onboard.people.config import PoseFilterConfig
-from onboard.people.pose import PoseFinder, PoseNetwork, blazepose, upright_crop
+from onboard.people.pose import upright_crop
 from onboard.people.pose_file import blazepose_file
 from onboard.people.pose_filter import pose_refusal
+from onboard.people.pose_finder import PoseFinder
+from onboard.people.pose_network import PoseNetwork, blazepose
 
 WALKER = Annotated(198, 604, 263, 41, 105, True)
 JOINTS_PX = [

@@ -9,8 +9,8 @@ import numpy as np
 
 from benchmarks.people_scene import KINECT_2, DepthScene, Thing
 from common.geometry.camera import Camera
-from onboard.people.pipeline import Frame
-from onboard.people.pose import PoseNetwork
+from onboard.people.findings import Frame
+from onboard.people.pose_network import PoseNetwork
 from onboard.people.sights import VehiclePose
 from tests.unit.people_bodies import STANDING
 

@@ -12,6 +12,7 @@ import pytest
 from benchmarks.people_scene import DepthScene, person, rock
 from common.geometry.rotation import quat_from_euler
 from onboard.people.bodies import Body, Claimed, VehiclePose, body_of, claims, hang_on, standing_where_expected
+from onboard.people.budget import PoseBudget
 from onboard.people.config import PoseFilterConfig
 from onboard.people.pipeline import PeoplePipeline
 from onboard.people.pipeline_config import PeopleConfig, WatchConfig
@@ -49,6 +50,14 @@ def _body(vehicle: VehiclePose) -> Body:
 def _claimed(body: Body, points: np.ndarray, vehicle: VehiclePose, top_m: float = 0.25) -> list[Claimed]:
     heights, areas = np.full(len(points), top_m), np.full(len(points), GRAIN_M**2)
     return claims([body], points.astype(np.float32), heights.astype(np.float32), areas, HEIGHT_M, DOWN, vehicle)
+
+
+class NoTime(PoseBudget):
+    """Leaves no time for a look."""
+
+    def allows(self, known: bool) -> bool:
+        """Never."""
+        return False
 
 
 @pytest.mark.parametrize("yaw_deg", [0.0, 70.0, 180.0])
@@ -139,8 +148,7 @@ def test_who_is_back_where_they_lay_is_known_before_their_next_pose():
     for step in range(3, 20, 2):
         assert people.look(frame(empty, 0.1 * step, above(HEIGHT_M))).people == ()
     looks = knower.looks
-    people.config = PeopleConfig(watch=WatchConfig(budget_ms=1e-9))
-    people._left_ms = -1e6  # no time for a look
+    people._budget = NoTime(1.0)
     (back,) = people.look(frame(scene, 3.0, above(HEIGHT_M))).people
     assert knower.looks == looks and back.number == first.number and not back.fresh
     # Somebody else in other clothes there is not taken for them.

@@ -13,7 +13,8 @@ import pytest
 from benchmarks.people_scene import DepthScene, barrel, person, rock
 from common.geometry.camera import Camera
 from onboard.people.detector import PersonDetector
-from onboard.people.pipeline import Frame, PeoplePipeline
+from onboard.people.findings import Frame
+from onboard.people.pipeline import PeoplePipeline
 from onboard.people.pipeline_config import DetectorConfig, PeopleConfig, WatchConfig
 from onboard.people.regions import Region
 from onboard.people.sights import Sight

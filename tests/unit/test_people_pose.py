@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from common.config import ConfigError
-from onboard.people.pose import HEAD, NECK, WAIST, PoseFinder, PoseNetwork, read_model, upright_crop
+from onboard.people.pose import HEAD, NECK, WAIST, upright_crop
+from onboard.people.pose_finder import PoseFinder
+from onboard.people.pose_network import PoseNetwork, read_model
 from onboard.people.regions import Region
 from tests.unit.onnx_file import write_identity
 
