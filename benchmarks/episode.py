@@ -57,7 +57,7 @@ _TAKEOFF_S = 60.0
 _SLOPE_S = 0.5
 _COURSE_GAIN_1_S = 0.3
 _STATE_CYCLES = 5  # of the autopilot's between two states: 50 Hz
-_GYRO_BIAS_RAD_S = 0.0005  # what an autopilot's own bias estimate leaves, standard deviation
+_GYRO_BIAS_RAD_S, _FORCE_BIAS_M_S2 = 0.0005, 0.03  # what an autopilot's own bias estimates leave, standard deviations
 
 
 @dataclass
@@ -106,6 +106,9 @@ class Episode:
         self._gyro = np.random.default_rng((seed, 414))
         self._gyro_bias_rad_s = self._gyro.normal(0.0, _GYRO_BIAS_RAD_S, 3)
         self._gyro_noise_rad_s = autopilot.gyro_noise_rad_s
+        self._force = np.random.default_rng((seed, 416))
+        self._force_bias_m_s2 = self._force.normal(0.0, _FORCE_BIAS_M_S2, 3)
+        self._force_noise_m_s2 = autopilot.accel_noise_m_s2
         self._helm = config.section(HelmConfig)
         self._pilot = Pilot(self._helm, config.section(LimiterConfig))
         self._jpeg = [cv2.IMWRITE_JPEG_QUALITY, config.section(VideoConfig).jpeg_quality]
@@ -280,11 +283,12 @@ class Episode:
         )
 
     def _tell(self) -> None:
-        """What helm tells the ground of the vehicle, at its rate; gyroscopes with their noise and a bias."""
+        """What helm tells the ground of the vehicle, at its rate; inertial sensors with their noise and a bias."""
         if round(self._vehicle.t_s / self._vehicle.dt_s) % _STATE_CYCLES:
             return
         e = self._vehicle.estimate
         errors = self._gyro_bias_rad_s + self._gyro.normal(0.0, self._gyro_noise_rad_s, 3)
+        force = self._force_bias_m_s2 + self._force.normal(self._vehicle.body_acceleration(), self._force_noise_m_s2)
         state = VehicleState(
             ned_p_m=e.ned_p_m,
             ned_v_m_s=e.ned_v_m_s,
@@ -294,6 +298,7 @@ class Episode:
             in_air=True,
             mode="OFFBOARD",
             battery_fraction=-1.0,
+            body_f_m_s2=as_vec3(force),
         )
         self._states.add(state, self._now_ns() - round(self._vehicle.dt_s * _SEC_NS))  # it was true before the step
 

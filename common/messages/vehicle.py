@@ -29,6 +29,8 @@ class VehicleState(Message, frozen=True, kw_only=True):
     """The autopilot's flight mode (`OFFBOARD`, `HOLD`, `LAND`, …)."""
     battery_fraction: float
     """Remaining charge, 0 to 1; -1 when unknown."""
+    body_f_m_s2: Vec3 | None = None
+    """Specific force in the body frame (FRD), as the accelerometers read it, m/s²; None when none is told."""
 
     def check(self) -> None:
         """Refuse what the field docs rule out."""

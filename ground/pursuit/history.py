@@ -54,8 +54,9 @@ class StateHistory:
         if self._states and t_ns <= self._states[-1].t_ns:
             return
         quat, rates = np.array(state.ned_q_body), np.array(state.body_rates_rad_s)
-        attitude = self._horizon.update(quat, rates, t_ns)
-        pose = Pose(np.array(state.ned_p_m), np.array(state.ned_v_m_s), attitude, quat)
+        velocity, force = np.array(state.ned_v_m_s), state.body_f_m_s2
+        attitude = self._horizon.update(quat, rates, t_ns, velocity, None if force is None else np.array(force))
+        pose = Pose(np.array(state.ned_p_m), velocity, attitude, quat)
         self._states.append(_State(t_ns, pose, quat, rates))
         while self._states[-1].t_ns - self._states[0].t_ns > self._span_ns:
             self._states.popleft()

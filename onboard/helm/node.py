@@ -255,4 +255,5 @@ def vehicle_state(telemetry: Telemetry, sample: AttitudeSample) -> VehicleState:
         in_air=telemetry.in_air,
         mode=telemetry.mode,
         battery_fraction=telemetry.battery_fraction if math.isfinite(telemetry.battery_fraction) else -1.0,
+        body_f_m_s2=sample.body_f_m_s2,
     )

@@ -16,6 +16,8 @@ LINK_AGED_S = 1.0
 LINK_LOST_S = 3.0
 """Without telemetry for this long, the autopilot counts as lost, s (as MAVSDK counts)."""
 
+_FORCE_AGED_NS = 100_000_000  # by arrival; at 50 Hz five of them have stayed away
+
 _ARMED_FLAG = 128
 _CRITICAL = 5
 _AUTOPILOT_INVALID = 8
@@ -32,6 +34,8 @@ class AttitudeSample:
     """Attitude."""
     body_rates_rad_s: Vec3
     """Angular velocity in the body frame (FRD), rad/s."""
+    body_f_m_s2: Vec3 | None = None
+    """Specific force in the body frame (FRD), m/s²; None when the accelerometers were not told lately."""
 
     @property
     def yaw_rad(self) -> float:
@@ -138,6 +142,7 @@ class TelemetryDecoder:
 
     _home: dict[str, Any] | None = None
     _origin: dict[str, Any] | None = None
+    _force: tuple[Vec3, int] | None = None  # the newest HIGHRES_IMU's, and when it arrived
 
     def __post_init__(self) -> None:
         self.now = replace(self.now, dialect=self.dialect)
@@ -146,7 +151,7 @@ class TelemetryDecoder:
         """Start anew: what speaks next may be another vehicle, one that restarted, or one whose clock stood still."""
         self.now = Telemetry(dialect=self.dialect)
         self.clock = ClockMap()
-        self._home = self._origin = None
+        self._home = self._origin = self._force = None
 
     def feed(self, name: str, fields_json: str, arrival_ns: int) -> AttitudeSample | None:
         """Take one message; returns the attitude if it was one. A malformed message is counted and ignored."""
@@ -163,6 +168,9 @@ class TelemetryDecoder:
             numbers = _numbers(m, "x", "y", "z", "vx", "vy", "vz")
             stamp_ns = self.clock.update(int(m["time_boot_ms"]) * 1_000_000, arrival_ns)
             self.now = replace(self.now, position=PositionSample(stamp_ns, numbers[:3], numbers[3:]))
+        elif name == "HIGHRES_IMU":
+            x, y, z = _numbers(m, "xacc", "yacc", "zacc")
+            self._force = (x, y, z), arrival_ns
         elif name == "HEARTBEAT":
             self._heartbeat(m, arrival_ns)
         elif name == "CURRENT_MODE":
@@ -193,7 +201,10 @@ class TelemetryDecoder:
         if abs(norm - 1.0) > 1e-2:
             raise ValueError(f"quaternion of norm {norm}")
         stamp_ns = self.clock.update(int(m["time_boot_ms"]) * 1_000_000, arrival_ns)
-        sample = AttitudeSample(stamp_ns, (w / norm, x / norm, y / norm, z / norm), (roll, pitch, yaw))
+        force = None
+        if self._force is not None and arrival_ns - self._force[1] <= _FORCE_AGED_NS:
+            force = self._force[0]
+        sample = AttitudeSample(stamp_ns, (w / norm, x / norm, y / norm, z / norm), (roll, pitch, yaw), force)
         self.now = replace(self.now, attitude=sample, heard_ns=max(self.now.heard_ns, arrival_ns), found=True)
         return sample
 

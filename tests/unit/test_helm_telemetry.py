@@ -24,6 +24,7 @@ ATTITUDE = {
     "yawspeed": 0.3,
 }
 POSITION = {"time_boot_ms": 1000, "x": 1.0, "y": 2.0, "z": -3.0, "vx": 0.1, "vy": 0.2, "vz": 0.3}
+IMU = {"time_usec": 1_000_000, "xacc": 0.1, "yacc": -0.2, "zacc": -9.8, "xgyro": 0.0}
 HEARTBEAT = {"autopilot": 12, "base_mode": 157, "custom_mode": 0x03040000, "system_status": 4}
 
 
@@ -59,6 +60,7 @@ def test_a_snapshot_is_built_from_its_messages():
         ("ATTITUDE_QUATERNION", json.dumps({**ATTITUDE, "q1": None})),
         ("ATTITUDE_QUATERNION", json.dumps({**ATTITUDE, "q1": 0.1})),
         ("LOCAL_POSITION_NED", json.dumps({**POSITION, "x": None})),
+        ("HIGHRES_IMU", json.dumps({**IMU, "yacc": None})),
         ("HEARTBEAT", json.dumps({"autopilot": "twelve"})),
     ],
 )
@@ -68,6 +70,15 @@ def test_what_cannot_be_read_is_counted_and_ignored(name: str, text: str):
     assert decoder.feed(name, text, 1) is None
     assert decoder.malformed == 1
     assert decoder.now == before
+
+
+def test_an_attitude_comes_with_the_newest_accelerometers_while_they_are_told():
+    decoder = _decoder(("ATTITUDE_QUATERNION", ATTITUDE))
+    assert decoder.now.attitude and decoder.now.attitude.body_f_m_s2 is None
+    decoder.feed("HIGHRES_IMU", json.dumps(IMU), 9_000 * _MS)
+    for later_ms, expected in ((20, (0.1, -0.2, -9.8)), (200, None)):
+        sample = decoder.feed("ATTITUDE_QUATERNION", json.dumps(ATTITUDE), (9_000 + later_ms) * _MS)
+        assert sample and sample.body_f_m_s2 == expected
 
 
 def test_a_forwarded_ground_station_is_not_the_autopilot():

@@ -89,6 +89,7 @@ class Dialect:
     """Climb per metre of height error: what the autopilot's own altitude loop does, or what helm sends, 1/s."""
     messages: tuple[str, ...] = (
         "ATTITUDE_QUATERNION",
+        "HIGHRES_IMU",
         "LOCAL_POSITION_NED",
         "HEARTBEAT",
         "CURRENT_MODE",
