@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.encounter_vehicle import DT_S, Vehicles
+from onboard.limiter.carried import averaged, keep_s, unsure_m
 from onboard.limiter.config import LimiterConfig
 from onboard.limiter.constraints import Motion, braking_after, deepest_braking, obstacle_rows
 from onboard.limiter.law import sight_speed, stoppable
 from onboard.limiter.limiter import bounded_many
-from onboard.limiter.map import keep_s
 
 Array = np.ndarray
 MOST = 8
@@ -100,6 +100,7 @@ class Sensor:
         shape = scene.places.shape
         self._samples: dict[int, tuple[Array, Array, Array]] = {}
         self._places, self._velocities = np.full(shape, _FAR_M), np.zeros(shape)
+        self._means, self._counts = np.zeros(shape), np.zeros(shape[:2])
         self._stamps_s = np.full(shape[:2], -_FAR_M)
         self._heard_s = np.zeros(shape[0])
         self.shown = np.zeros(shape[:2], dtype=bool)
@@ -126,23 +127,28 @@ class Sensor:
             heard = (scene.delay_ticks == delay) & ~lost
             fresh = sample[2] & heard[:, None]
             self._places[fresh], self._velocities[fresh] = sample[0][fresh], sample[1][fresh]
+            since_s = taken_s - self._stamps_s[fresh]
+            self._means[fresh], self._counts[fresh] = averaged(
+                self._means[fresh], self._counts[fresh], sample[1][fresh], since_s
+            )
             self._stamps_s[fresh] = taken_s
             self.shown |= fresh
             self._heard_s[heard] = taken_s
 
-    def obstacles(self, t_s: float, p_m: Array) -> tuple[Array, Array, Array]:
-        """Distances (N, 8), unit vectors and velocities (N, 8, 3) as they are known now."""
+    def obstacles(self, t_s: float, p_m: Array) -> tuple[Array, Array, Array, Array]:
+        """Distances (N, 8), unit vectors and velocities (N, 8, 3) and uncertainties (N, 8) as they are known now."""
         age_s = t_s - self._stamps_s
-        offset = self._places + self._velocities * age_s[..., None] - p_m[:, None]
-        known = age_s <= keep_s(self._velocities, offset, self._config, looks=True)
+        velocities = np.where((age_s > self._config.stale_s)[..., None], self._means, self._velocities)
+        offset = self._places + velocities * age_s[..., None] - p_m[:, None]
+        walking = np.any(velocities != 0.0, axis=-1)
+        silent_s = np.where(walking, age_s, (t_s - self._heard_s)[:, None])
+        unsure = unsure_m(silent_s, np.where(walking, np.maximum(self._counts, 1.0), np.inf), self._config)
+        known = age_s <= keep_s(velocities, _length(offset) - unsure, self._config, looks=True)
         offset = np.where(known[..., None], offset, (_FAR_M, 0.0, 0.0))
         distance = _length(offset)
-        velocities = np.where(known[..., None], self._velocities, 0.0)
-        unsure_s = np.maximum(t_s - self._heard_s - self._config.stale_s, 0.0)[:, None]
-        walking = np.any(velocities != 0.0, axis=-1)
-        unsure_s = np.where(walking, np.maximum(age_s - self._config.stale_s, 0.0), unsure_s)
+        velocities = np.where(known[..., None], velocities, 0.0)
         unit = offset / np.maximum(distance, 1e-6)[..., None]
-        return np.maximum(distance - unsure_s * self._config.spread_m_s, 0.0), unit, velocities
+        return distance, unit, velocities, np.where(known, unsure, 0.0)
 
     def fastest_m_s(self, t_s: float, v_m_s: Array) -> Array:
         """Fastest speed in the direction of each velocity, (N,), m/s."""
@@ -168,7 +174,8 @@ def in_view(offset_m: Array) -> Array:
 class Oracles:
     """For each obstacle, a copy of its vehicle that brakes fully from the instant at which it enters range and view.
 
-    They depend on nothing that comes later, so all are flown at the end, together, each for the time that was left.
+    Until then it flies as the vehicle does: what comes from the side or from behind may have been nearer before. They
+    depend on nothing that comes later, so all are flown at the end, together, each for the time that was left.
 
     Args:
         scene: the encounters.
@@ -177,14 +184,16 @@ class Oracles:
     def __init__(self, scene: Scene):
         self._scene = scene
         self._since = np.full(scene.places.shape[:2], TICKS)
+        self._before = np.full(scene.places.shape[:2], _FAR_M)
         self._begun: list[tuple[Array, Vehicles]] = []
 
-    def watch(self, tick: int, seen: Array, vehicles: Vehicles) -> None:
-        """Let those begin whose obstacle is seen, (N, 8), for the first time."""
+    def watch(self, tick: int, seen: Array, vehicles: Vehicles, nearest_m: Array) -> None:
+        """Let those begin whose obstacle is seen, (N, 8), for the first time; it was as near as that before, m."""
         entered = seen & (self._since == TICKS)
         which = np.argwhere(entered)
         if len(which):
             self._since[entered] = tick
+            self._before[entered] = nearest_m[entered]
             self._begun.append((which, vehicles.of(which[:, 0])))
 
     def nearest_m(self, otherwise_m: Array) -> Array:
@@ -209,7 +218,8 @@ class Oracles:
             t_s = (since[:alive] + flown + 1) * CONTROL_S
             truth = places[:alive] + velocities[:alive] * t_s[:, None]
             np.minimum(nearest[:alive], _length(truth - oracles.p), out=nearest[:alive])
-        result[which[:, 0], which[:, 1]] = nearest
+        before = self._before[which[:, 0], which[:, 1]]
+        result[which[:, 0], which[:, 1]] = np.minimum(before, nearest)
         return result
 
 
@@ -221,10 +231,10 @@ class Ends:
     """Least distance to each obstacle, (N, 8), m."""
     oracle_m: Array
     """The same for the oracle that brakes from the instant at which that obstacle enters range and view, (N, 8), m.
-    One that never does was not there for anybody: its nearest distance stands here."""
+    One that never does leaves the oracle as blind as the vehicle: its nearest distance stands here."""
     unshown_m: Array
-    """Least distance to each obstacle before any sample that arrived had shown it, (N, 8), m: one that comes in from
-    the side while the sensor has dropped out was not in view for anybody."""
+    """Least distance to each obstacle before any sample that arrived had shown it, (N, 8), m: the oracle has no
+    drop-outs and no delay, and may have seen it."""
     ghost_m: Array
     """Least distance of the flight without limiter to any obstacle, (N,), m."""
     progress: Array
@@ -246,7 +256,7 @@ def fly(scene: Scene, config: LimiterConfig, rng: np.random.Generator) -> Ends:
     truth = scene.at(0.0)
     for tick in range(TICKS):
         t_s = tick * CONTROL_S
-        oracles.watch(tick, in_view(truth - vehicles.p[:, None]), vehicles)
+        oracles.watch(tick, in_view(truth - vehicles.p[:, None]), vehicles, nearest)
         sensor.look(tick, t_s, vehicles.p)
         setpoint, braking = _limited(scene, config, sensor, vehicles, braking, t_s, rng)
         for _ in range(_STEPS):
@@ -275,7 +285,8 @@ def _limited(
     """Setpoints and the braking memory, (N, 3) each: `limit` over arrays."""
     flown = vehicles.v + rng.normal(0.0, _OWN_NOISE_M_S, vehicles.v.shape)
     motion = Motion(scene.asked, scene.asked, flown, braking)
-    rows = obstacle_rows(*sensor.obstacles(t_s, vehicles.p), motion, config)
+    distance, unit, velocities, unsure = sensor.obstacles(t_s, vehicles.p)
+    rows = obstacle_rows(distance, unit, velocities, motion, config, unsure)
     v = bounded_many(scene.asked, rows)
     speed = _length(v)
     fastest = np.maximum(sensor.fastest_m_s(t_s, v), deepest_braking(rows))

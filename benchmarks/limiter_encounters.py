@@ -82,19 +82,17 @@ def chunk(seed: int, index: int, count: int) -> tuple[Counts, np.ndarray, Counts
 def _flown(config: LimiterConfig, rng: np.random.Generator, count: int) -> tuple[Counts, np.ndarray]:
     scene = draw(rng, count)
     ends = fly(scene, config, rng)
-    # Breach: nearer than h_min. Infeasible: the oracle that braked fully, knowing the truth, came nearer as well; or
-    # the sensor, dropped out, showed it to nobody before.
-    breach, unshown = ends.nearest_m < config.h_min_m, ends.unshown_m < config.h_min_m
-    missed = breach & (ends.oracle_m >= config.h_min_m)
-    infeasible = (ends.oracle_m < config.h_min_m) | unshown
-    feasible = (breach & ~infeasible).any(axis=1)
+    # Breach: nearer than h_min. Infeasible: the oracle that braked fully, knowing the truth, came nearer as well.
+    breach, infeasible = ends.nearest_m < config.h_min_m, ends.oracle_m < config.h_min_m
+    missed = breach & ~infeasible
+    feasible = missed.any(axis=1)
     # No conflict: without any limiter nothing would have come nearer than the beginning of the warning zone.
     clear = ends.ghost_m >= config.h_mid_m
     counts: Counts = {
         "encounters": count,
         "breaches_feasible": int(feasible.sum()),
         "breaches_infeasible": int((breach.any(axis=1) & ~feasible).sum()),
-        "breaches_unshown": int((missed & unshown).any(axis=1).sum()),
+        "breaches_unshown": int((missed & (ends.unshown_m < config.h_min_m)).any(axis=1).sum()),
         "infeasible": int(infeasible.any(axis=1).sum()),
         "conflicts": int((ends.ghost_m < config.h_desired_m).sum()),
         "clear": int(clear.sum()),

@@ -40,7 +40,8 @@ PROPOSED, TTI, DPF = range(3)
     CREEP,
     BRAKES_WITHIN,
     GIVEN_BACK,
-) = range(26)
+    GIVEN_MOST,
+) = range(27)
 """Places of the law's numbers in the array that `fill_rows` takes; names as in `LimiterConfig`."""
 ASKED, INTENDED, FLOWN, BRAKING = range(4)
 """Places of the velocities of `constraints.Motion`."""
@@ -114,14 +115,14 @@ def _curve(h, asked, intended, flown, braking, closing, law):  # type: ignore[no
     beyond = _clipped((h - law[H_MAX]) / law[BAND], 0.0, 1.0)
     if beyond > 0.0:
         reference = max(reference, beyond * _stoppable(h - law[H_MIN], law))
-    if law[PUSH] > 0.0:
-        return reference, 0.0
-    near = _clipped((law[H_DESIRED] - read_m) / law[BRAKES_WITHIN], 0.0, 1.0)
-    excess = near * max(flown - max(reference, 0.0), 0.0)
-    braked = _braked(reference, excess, braking, law)
-    lost = _clipped((law[H_MIN] + law[MARGIN] - h) * law[GIVEN_BACK], 0.0, law[FULL_FROM])
+    excess = 0.0
+    if law[PUSH] == 0.0:
+        near = _clipped((law[H_DESIRED] - read_m) / law[BRAKES_WITHIN], 0.0, 1.0)
+        excess = near * max(flown - max(reference, 0.0), 0.0)
+        reference = _braked(reference, excess, braking, law)
+    lost = _clipped((law[H_MIN] + law[MARGIN] - h) * law[GIVEN_BACK], 0.0, law[GIVEN_MOST])
     lost *= min(wanted / law[FULL_FROM], 1.0)
-    return min(braked, -lost) if lost > 0.0 else braked, excess
+    return min(reference, -lost) if lost > 0.0 else reference, excess
 
 
 @njit(error_model="numpy")
@@ -152,20 +153,21 @@ def _hard(room, flown, braking, law):  # type: ignore[no-untyped-def]
 
 # A given signature compiles when the module is imported (and is kept on disk), not when the first obstacle appears.
 @njit(
-    "void(f8[:,::1],f8[:,:,::1],f8[:,:,::1],f8[:,:,::1],f8[::1],f8[:,:,::1],f8[:,::1],f8[:,::1])",
+    "void(f8[:,::1],f8[:,::1],f8[:,:,::1],f8[:,:,::1],f8[:,:,::1],f8[::1],f8[:,:,::1],f8[:,::1],f8[:,::1])",
     cache=True,
     nogil=True,
     error_model="numpy",
 )
-def fill_rows(distances, units, velocities, motions, law, normals, bounds, excess):  # type: ignore[no-untyped-def]
+def fill_rows(distances, unsure, units, velocities, motions, law, normals, bounds, excess):  # type: ignore[no-untyped-def]
     """Curve and bound of each obstacle of each vehicle as half-spaces, the curves first: `constraints.plain_rows`.
 
     Args:
         distances: (N, K), m.
+        unsure: how far from there they may be, (N, K), m.
         units: unit vectors towards the obstacles, (N, K, 3).
         velocities: of the obstacles, (N, K, 3), m/s.
         motions: of the vehicles, (N, 4, 3), m/s.
-        law: the law's numbers, (26,).
+        law: the law's numbers, (27,).
         normals: (N, 2 K, 3), written.
         bounds: (N, 2 K), m/s, written.
         excess: (N, 2 K), m/s, written.
@@ -174,13 +176,13 @@ def fill_rows(distances, units, velocities, motions, law, normals, bounds, exces
     for i in range(distances.shape[0]):
         unit, v, motion, normal = units[i], velocities[i], motions[i], normals[i]
         for k in range(count):
-            h = distances[i, k]
+            h, certain = distances[i, k], max(distances[i, k] - unsure[i, k], 0.0)
             along = unit[k, 0] * v[k, 0] + unit[k, 1] * v[k, 1] + unit[k, 2] * v[k, 2]
             asked, intended = _dot(unit, k, motion[ASKED]), _dot(unit, k, motion[INTENDED])
             flown, braking = _dot(unit, k, motion[FLOWN]), _dot(unit, k, motion[BRAKING])
             for axis in range(3):
                 normal[k, axis] = normal[count + k, axis] = unit[k, axis]
-            bounds[i, k], excess[i, k] = _curve(h, asked, intended, flown, braking, -along, law)
+            bounds[i, k], excess[i, k] = _curve(certain, asked, intended, flown, braking, -along, law)
             last, ahead = count + k, h
             speed2 = v[k, 0] * v[k, 0] + v[k, 1] * v[k, 1] + v[k, 2] * v[k, 2]
             t_s = _foreseen_s(h, along * h, speed2, law)
@@ -192,6 +194,7 @@ def fill_rows(distances, units, velocities, motions, law, normals, bounds, exces
                     ahead = size
                     normal[last, 0], normal[last, 1], normal[last, 2] = x / size, y / size, z / size
             flown, braking = _dot(normal, last, motion[FLOWN]), _dot(normal, last, motion[BRAKING])
+            ahead -= unsure[i, k]
             bound, over = _hard(ahead - law[H_MIN] - law[MARGIN], flown, braking, law)
             closing = _clipped(-along / law[YIELD], 0.0, 1.0)
             back = closing * _clipped((law[H_DESIRED] - ahead) * law[PUSH_GAIN], 0.0, law[PUSH])

@@ -104,7 +104,10 @@ class LimiterConfig(Section, frozen=True, kw_only=True):
     """How long a walking obstacle that went out of view, or whose source is silent, is kept, moving on, s; within
     `h_max_m` of the vehicle `remember_s`: what should be here by now is not forgotten."""
     spread_m_s: NonNegative = 0.2
-    """How fast the place of a kept obstacle becomes uncertain, m/s."""
+    """How fast the place of a kept obstacle becomes uncertain, whatever was seen of it: people turn, m/s."""
+    velocity_error_m_s: NonNegative = 0.35
+    """How wrong the velocity of a walking obstacle may be that was seen once, m/s; seen more often, as much less as the
+    mean over its last second in view is better."""
 
     def check(self) -> None:
         """Raise ConfigError when fields contradict each other."""

@@ -5,7 +5,6 @@ Every function takes one vehicle (obstacles along the last axis, K) or many (N, 
 
 from __future__ import annotations
 
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -13,13 +12,9 @@ import numpy as np
 from onboard.limiter import compiled
 from onboard.limiter.config import LimiterConfig
 from onboard.limiter.law import FULL_FROM_M_S, repulsion, stoppable
+from onboard.limiter.numbers import BRAKES_WITHIN_M, CREEP_M_S, HELD_FROM_M_S, YIELD_M_S, given_back, numbers
 
 Array = np.ndarray
-_HELD_FROM_M_S = 0.1  # the summed excess acts in full from this excess on: no jump where it ends
-_BRAKES_WITHIN_M = 0.2  # below h_desired, without push-back, braking grows in within this distance
-_CREEP_M_S = 0.05  # what the curve leaves at least just beyond h_desired, where less than a decimetre is left
-_GIVEN_BACK_1_S = 1.0  # drift into the hard bound's margin is given back at this speed per metre
-_YIELD_M_S = 0.5  # an obstacle that comes nearer at this speed is given way to at the full push-back
 
 
 class Motion(NamedTuple):
@@ -67,6 +62,11 @@ def curve(
     opens up beyond h_max within the blending band. Only without push-back is the vehicle ever called faster: see
     `_kept_without_push_back`.
 
+    A vehicle that is pushed on at an obstacle drifts with the error of its velocity estimate and with what its velocity
+    loop has learnt, without end, where no retreat returns it (without push-back, and with the field, which stops a fast
+    vehicle nowhere): within the hard bound's margin that is given back (`numbers.given_back`), where the vehicle is
+    asked to approach alone.
+
     Args:
         distance_m: (..., K), m.
         normals: unit vectors towards the obstacles, (..., K, 3).
@@ -86,35 +86,32 @@ def curve(
     reference = np.maximum(reference, -retreat)
     if config.strategy != "dpf":  # the field stops where its speed does, not at h_desired
         backing = -retreat * np.minimum(v_i / FULL_FROM_M_S, 1.0)
-        left = np.clip((h - config.h_desired_m) * config.push_back_gain_1_s, 0.0, _CREEP_M_S)
+        left = np.clip((h - config.h_desired_m) * config.push_back_gain_1_s, 0.0, CREEP_M_S)
         creep = np.maximum(np.minimum(left, asked) - closing, 0.0)
         reference = np.where(retreat > 0.0, np.minimum(reference, backing), np.maximum(reference, creep))
     beyond = np.clip((distance_m - config.h_max_m) / config.band_m, 0.0, 1.0)
     opened = np.maximum(reference, beyond * stoppable(distance_m - config.h_min_m, config))
     reference = np.where(beyond > 0.0, opened, reference)
-    if config.push_back_m_s > 0.0:
-        return reference, np.zeros(reference.shape)
-    held = towards(normals, motion.braking)
-    return _kept_without_push_back(reference, distance_m, h, asked, flown, held, config)
+    excess = np.zeros(reference.shape)
+    if config.push_back_m_s == 0.0:
+        reference, excess = _kept_without_push_back(reference, h, flown, towards(normals, motion.braking), config)
+    lost_m = config.h_min_m + config.margin_m - distance_m
+    gain_1_s, most_m_s = given_back(config)
+    back = np.clip(lost_m * gain_1_s, 0.0, most_m_s) * np.minimum(asked / FULL_FROM_M_S, 1.0)
+    return np.where(back > 0.0, np.minimum(reference, -back), reference), excess
 
 
 def _kept_without_push_back(
-    reference: Array, distance_m: Array, read_m: Array, wanted: Array, flown: Array, held: Array, config: LimiterConfig
+    reference: Array, read_m: Array, flown: Array, held: Array, config: LimiterConfig
 ) -> tuple[Array, Array]:
     """What keeps the distance where no push-back is permitted: bounds and excess, m/s.
 
     Below h_desired nothing returns what an overshoot takes, so what is flown beyond the curve there is braked, as
-    beyond the hard bound: asked for less than nothing while the vehicle still closes in, and no longer. A vehicle that
-    is pushed on at an obstacle then drifts with the error of its velocity estimate, without end: within the hard
-    bound's margin that is given back as slowly as it is lost, at `FULL_FROM_M_S` at most, and never faster than the
-    vehicle is asked to approach.
+    beyond the hard bound: asked for less than nothing while the vehicle still closes in, and no longer.
     """
-    near = np.clip((config.h_desired_m - read_m) / _BRAKES_WITHIN_M, 0.0, 1.0)
+    near = np.clip((config.h_desired_m - read_m) / BRAKES_WITHIN_M, 0.0, 1.0)
     excess = near * np.maximum(flown - np.maximum(reference, 0.0), 0.0)
-    braked = _braked(reference, excess, held, config)
-    lost_m = config.h_min_m + config.margin_m - distance_m
-    back = np.clip(lost_m * _GIVEN_BACK_1_S, 0.0, FULL_FROM_M_S) * np.minimum(wanted / FULL_FROM_M_S, 1.0)
-    return np.where(back > 0.0, np.minimum(braked, -back), braked), excess
+    return _braked(reference, excess, held, config), excess
 
 
 def nearest_ahead(distance_m: Array, normals: Array, ned_v_m_s: Array, config: LimiterConfig) -> tuple[Array, Array]:
@@ -166,27 +163,37 @@ def braking_bound(room_m: Array, normals: Array, motion: Motion, config: Limiter
 
 def _braked(bound_m_s: Array, excess_m_s: Array, held_m_s: Array, config: LimiterConfig) -> Array:
     """Bounds less what a vehicle that is faster by an excess is asked for to brake, m/s."""
-    less = config.brake_lead * excess_m_s + np.maximum(held_m_s, 0.0) * np.minimum(excess_m_s / _HELD_FROM_M_S, 1.0)
+    less = config.brake_lead * excess_m_s + np.maximum(held_m_s, 0.0) * np.minimum(excess_m_s / HELD_FROM_M_S, 1.0)
     return np.maximum(bound_m_s - less, np.minimum(bound_m_s, -config.brake_m_s))
 
 
 def obstacle_bound(
-    distance_m: Array, normals: Array, ned_v_m_s: Array, motion: Motion, config: LimiterConfig
+    distance_m: Array, normals: Array, ned_v_m_s: Array, unsure_m: Array, motion: Motion, config: LimiterConfig
 ) -> Bounds:
     """The hard bound before obstacles, moving ones included: (..., K).
 
-    What comes nearer, and would come nearer than h_desired, is given way to, capped by the push-back.
+    What comes nearer, and would come nearer than h_desired, is given way to, capped by the push-back. What is uncertain
+    about a place takes away from the room, not from the way to it: which side to give way to, the path tells even where
+    the obstacle may be anywhere about the vehicle.
     """
     ahead_m, ahead = nearest_ahead(distance_m, normals, ned_v_m_s, config)
-    held = braking_bound(ahead_m - config.h_min_m - config.margin_m, ahead, motion, config)
-    closing = np.clip(-(normals * ned_v_m_s).sum(axis=-1) / _YIELD_M_S, 0.0, 1.0)
-    retreat = np.clip((config.h_desired_m - ahead_m) * config.push_back_gain_1_s, 0.0, config.push_back_m_s)
+    certain_m = ahead_m - unsure_m
+    held = braking_bound(certain_m - config.h_min_m - config.margin_m, ahead, motion, config)
+    closing = np.clip(-(normals * ned_v_m_s).sum(axis=-1) / YIELD_M_S, 0.0, 1.0)
+    retreat = np.clip((config.h_desired_m - certain_m) * config.push_back_gain_1_s, 0.0, config.push_back_m_s)
     return held._replace(
         bounds_m_s=np.where(closing * retreat > 0.0, np.minimum(held.bounds_m_s, -closing * retreat), held.bounds_m_s)
     )
 
 
-def obstacle_rows(distance_m: Array, normals: Array, ned_v_m_s: Array, motion: Motion, config: LimiterConfig) -> Bounds:
+def obstacle_rows(
+    distance_m: Array,
+    normals: Array,
+    ned_v_m_s: Array,
+    motion: Motion,
+    config: LimiterConfig,
+    unsure_m: Array | None = None,
+) -> Bounds:
     """Curve and bound of each obstacle as half-spaces: the figures of `plain_rows`, at a multiple of its speed.
 
     Args:
@@ -195,16 +202,18 @@ def obstacle_rows(distance_m: Array, normals: Array, ned_v_m_s: Array, motion: M
         ned_v_m_s: velocities of the obstacles, (..., K, 3).
         motion: of the vehicle.
         config: the law.
+        unsure_m: how far from there each obstacle may be, (..., K), m; None for not at all.
     """
     shape, count = distance_m.shape[:-1], distance_m.shape[-1]
     many = shape[0] if shape else 1
     rows, bounds, excess = np.empty((many, 2 * count, 3)), np.empty((many, 2 * count)), np.empty((many, 2 * count))
     compiled.fill_rows(
         _plain(distance_m).reshape(many, count),
+        np.zeros((many, count)) if unsure_m is None else _plain(unsure_m).reshape(many, count),
         _plain(normals).reshape(many, count, 3),
         _plain(ned_v_m_s).reshape(many, count, 3),
         np.array(motion).reshape(4, many, 3).transpose(1, 0, 2).copy(),
-        _numbers(config),
+        numbers(config),
         rows,
         bounds,
         excess,
@@ -220,41 +229,14 @@ def _plain(array: Array) -> Array:
     return np.ascontiguousarray(array, dtype=float)
 
 
-@cache
-def _numbers(config: LimiterConfig) -> Array:
-    """The law's numbers in the order of `compiled`."""
-    numbers = {
-        compiled.STRATEGY: {"proposed": compiled.PROPOSED, "tti": compiled.TTI, "dpf": compiled.DPF}[config.strategy],
-        compiled.H_MIN: config.h_min_m,
-        compiled.H_DESIRED: config.h_desired_m,
-        compiled.H_MAX: config.h_max_m,
-        compiled.BAND: config.band_m,
-        compiled.V_MAX: config.v_max_m_s,
-        compiled.DPF_MIN: config.dpf.h_min_m,
-        compiled.DPF_MID: config.dpf.h_mid_m,
-        compiled.DPF_MAX: config.dpf.h_max_m,
-        compiled.DPF_V_MID: config.dpf.v_mid_m_s,
-        compiled.DPF_V_MAX: config.dpf.v_max_m_s,
-        compiled.DELAY: config.stop_delay_s,
-        compiled.DECELERATION: config.stop_deceleration_m_s2,
-        compiled.LEAD: config.brake_lead,
-        compiled.BRAKE: config.brake_m_s,
-        compiled.MARGIN: config.margin_m,
-        compiled.FORESIGHT: config.foresight_s,
-        compiled.PUSH: config.push_back_m_s,
-        compiled.PUSH_GAIN: config.push_back_gain_1_s,
-        compiled.FULL_FROM: FULL_FROM_M_S,
-        compiled.HELD_FROM: _HELD_FROM_M_S,
-        compiled.YIELD: _YIELD_M_S,
-        compiled.CURVE_LEAD: config.curve_lead_s,
-        compiled.CREEP: _CREEP_M_S,
-        compiled.BRAKES_WITHIN: _BRAKES_WITHIN_M,
-        compiled.GIVEN_BACK: _GIVEN_BACK_1_S,
-    }
-    return np.array([numbers[place] for place in range(len(numbers))], dtype=float)
-
-
-def plain_rows(distance_m: Array, normals: Array, ned_v_m_s: Array, motion: Motion, config: LimiterConfig) -> Bounds:
+def plain_rows(
+    distance_m: Array,
+    normals: Array,
+    ned_v_m_s: Array,
+    motion: Motion,
+    config: LimiterConfig,
+    unsure_m: Array | None = None,
+) -> Bounds:
     """Curve and bound of each obstacle as half-spaces, (..., 2 K), the curves first: the reference of `obstacle_rows`.
 
     Args:
@@ -263,9 +245,11 @@ def plain_rows(distance_m: Array, normals: Array, ned_v_m_s: Array, motion: Moti
         ned_v_m_s: velocities of the obstacles, (..., K, 3).
         motion: of the vehicle.
         config: the law.
+        unsure_m: how far from there each obstacle may be, (..., K), m; None for not at all.
     """
-    comfortable, excess = curve(distance_m, normals, ned_v_m_s, motion, config)
-    hard = obstacle_bound(distance_m, normals, ned_v_m_s, motion, config)
+    unsure = np.zeros(distance_m.shape) if unsure_m is None else unsure_m
+    comfortable, excess = curve(np.maximum(distance_m - unsure, 0.0), normals, ned_v_m_s, motion, config)
+    hard = obstacle_bound(distance_m, normals, ned_v_m_s, unsure, motion, config)
     return Bounds(
         np.concatenate([normals, hard.normals], axis=-2),
         np.concatenate([comfortable, hard.bounds_m_s], axis=-1),

@@ -20,7 +20,7 @@ from onboard.limiter.constraints import (
     towards,
 )
 from onboard.limiter.law import Zone, zone
-from onboard.limiter.project import FULLY_BACK_M_S, project, project_many, retreat, retreat_many
+from onboard.limiter.project import project, project_many, retreat, retreat_many
 from onboard.limiter.surroundings import Surroundings
 from onboard.limiter.volume import edges
 
@@ -28,8 +28,6 @@ Array = np.ndarray
 Why = Literal["clear", "curve", "bound", "blind", "floor", "ceiling", "fence", "push-back", "no data"]
 _CHANGED_M_S = 1e-6
 _ROUNDING_M_S = 1e-7
-_OPEN_M_S = 10.0
-"""Beyond every speed that is flown."""
 _BRAKING_FROM_M_S = 0.1
 _ZERO: Vec3 = (0.0, 0.0, 0.0)
 
@@ -99,9 +97,8 @@ def limit(
     ):
         return Limited(ned_v_m_s, _ZERO, "blind", why="clear" if ned_v_m_s == _ZERO else "no data")
     count = len(around.distance_m)
-    if count and not math.isfinite(
-        float(around.distance_m.sum() + around.ned_direction.sum() + around.ned_v_m_s.sum())
-    ):
+    least_m = around.least_m
+    if count and not math.isfinite(float(least_m.sum() + around.ned_direction.sum() + around.ned_v_m_s.sum())):
         return Limited(ned_v_m_s, _ZERO, "collision", why="no data")
     intended = ned_v_m_s if ned_intended_v_m_s is None else ned_intended_v_m_s
     motion = Motion(*(np.array(v) for v in (ned_v_m_s, intended, ned_vehicle_v_m_s, braking_ned_v_m_s)))
@@ -113,8 +110,8 @@ def limit(
     if blind := speed > fastest:
         v = v * (fastest / speed)
     why, culprit = _reason(motion.asked, v, rows, kinds, blind, config)
-    nearest = int(around.distance_m.argmin()) if count else -1
-    distance_m = float(around.distance_m[nearest]) if count else -1.0
+    nearest = int(least_m.argmin()) if count else -1
+    distance_m = float(least_m[nearest]) if count else -1.0
     return Limited(
         intended,
         ned_v_m_s if why == "clear" else _vector(v),
@@ -172,11 +169,12 @@ def _braking_share(rows: Bounds) -> Array:
 
 
 def _firm(rows: Bounds) -> Array:
-    """Bounds while braking and backing away, m/s: no approach where that is called for, else the hard bounds alone."""
-    bounds = rows.bounds_m_s
-    # A curve closes by and by below zero: one that rounding puts there says nothing.
-    closing = np.where(bounds < 0.0, _OPEN_M_S * np.maximum(1.0 + bounds / FULLY_BACK_M_S, 0.0), np.inf)
-    return np.where(rows.firm, np.maximum(bounds, 0.0), closing)
+    """Bounds while braking and backing away, m/s: the hard ones alone.
+
+    What is nearer than h_desired beside the way back takes its share in the retreat itself. If it closed the way, a
+    vehicle between obstacles could not back away from the one that comes nearest.
+    """
+    return np.where(rows.firm, np.maximum(rows.bounds_m_s, 0.0), np.inf)
 
 
 def _rows(
@@ -187,7 +185,7 @@ def _rows(
     The names are those of the curve, the bound, and each edge.
     """
     h, n, v = around.distance_m, around.ned_direction, around.ned_v_m_s
-    rows = obstacle_rows(h, n, v, motion, config)
+    rows = obstacle_rows(h, n, v, motion, config, around.unsure_m)
     kinds: tuple[Why, ...] = ("curve", "bound")
     if ned_p_m is not None and (config.floor_m is not None or config.ceiling_m is not None or config.fence):
         near = edges(ned_p_m, config)

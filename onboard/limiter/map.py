@@ -13,6 +13,7 @@ import numpy as np
 
 from common.geometry.rotation import quat_to_matrix
 from common.messages import Obstacles, Vec3, View
+from onboard.limiter.carried import STANDING_M_S, averaged, keep_s, unsure_m
 from onboard.limiter.config import LimiterConfig
 from onboard.limiter.law import sight_speed, stoppable
 from onboard.limiter.surroundings import COLUMNS, ROWS, Surroundings, cell_directions
@@ -20,7 +21,6 @@ from onboard.limiter.surroundings import COLUMNS, ROWS, Surroundings, cell_direc
 Array = np.ndarray
 _TRACK_S = 2.0
 _MOST_KEPT = 256
-_STANDING_M_S = 0.2
 _STEEP = 0.999
 _PATCH_M = 3.0
 """A surface that is told as straight beneath or overhead lies somewhere within this distance of there, horizontally:
@@ -44,6 +44,10 @@ class _Source:
     """Whether it has ever sent a view."""
     ned_p_m: Array = field(default_factory=lambda: np.zeros((0, 3)))
     ned_v_m_s: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    mean_v_m_s: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    """Velocities over their last second in view, for those that have a name."""
+    samples: Array = field(default_factory=lambda: np.zeros(0))
+    """How many samples these are worth."""
     stamps_ns: Array = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     labels: list[str] = field(default_factory=list)
     steep: Array = field(default_factory=lambda: np.zeros(0, dtype=bool))
@@ -89,11 +93,13 @@ class ObstacleMap:
         count = len(message.obstacles)
         directions = np.array([o.ned_direction for o in message.obstacles]).reshape(-1, 3)
         points = place + directions * np.array([o.distance_m for o in message.obstacles])[:, None]
+        velocities = np.array([o.ned_v_m_s for o in message.obstacles]).reshape(-1, 3)
+        means, samples = _followed(known, [o.label for o in message.obstacles], velocities, capture_ns)
         kept = self._still_unseen(known, message.views, place, capture_ns)
         known.ned_p_m = np.concatenate([points, known.ned_p_m[kept]])
-        known.ned_v_m_s = np.concatenate(
-            [np.array([o.ned_v_m_s for o in message.obstacles]).reshape(-1, 3), known.ned_v_m_s[kept]]
-        )
+        known.ned_v_m_s = np.concatenate([velocities, known.ned_v_m_s[kept]])
+        known.mean_v_m_s = np.concatenate([means, known.mean_v_m_s[kept]])
+        known.samples = np.concatenate([samples, known.samples[kept]])
         known.stamps_ns = np.concatenate([np.full(count, capture_ns, dtype=np.int64), known.stamps_ns[kept]])
         bare = np.array([not o.label for o in message.obstacles], dtype=bool)
         known.steep = np.concatenate([bare & (np.abs(directions[:, 2]) > _STEEP), known.steep[kept]])
@@ -122,11 +128,12 @@ class ObstacleMap:
         unit = np.where(size[:, None] > 1e-6, places / np.maximum(size, 1e-6)[:, None], (1.0, 0.0, 0.0))
         speed, range_m = self._sight(ned_p_m, t_ns, spoken)
         return Surroundings(
-            np.maximum(size - np.concatenate([np.zeros(0), *(u for *_, u, _ in parts)]), 0.0),
+            size,
             unit,
             np.concatenate([np.zeros((0, 3)), *(v for _, _, v, _, _ in parts)]),
             [label for *_, labels in parts for label in labels],
             [name for name, places_m, *_ in parts for _ in range(len(places_m))],
+            np.concatenate([np.zeros(0), *(u for *_, u, _ in parts)]),
             speed,
             not any(_age_s(t_ns, s.looked_ns if s.looks else s.capture_ns) <= config.stale_s for s in spoken),
             range_m,
@@ -139,17 +146,24 @@ class ObstacleMap:
         was told: as a point of that place it would brake level flight past nothing.
         """
         config = self._config
-        age_s = (t_ns - source.stamps_ns) / 1e9
-        silent_s = max(_age_s(t_ns, source.capture_ns) - config.stale_s, 0.0)
+        age_s, v = self._ages_and_velocities(source, t_ns)
+        silent_s = np.float64(_age_s(t_ns, source.capture_ns))
         aside_m = np.hypot(source.ned_p_m[:, 0] - ned_p_m[0], source.ned_p_m[:, 1] - ned_p_m[1])
-        places = source.ned_p_m + source.ned_v_m_s * np.maximum(age_s, 0.0)[:, None]
-        known = age_s <= keep_s(source.ned_v_m_s, places - np.array(ned_p_m), config, source.looks)
+        places = source.ned_p_m + v * age_s[:, None]
+        walks = (v * v).sum(axis=1) >= STANDING_M_S**2
+        unsure = unsure_m(np.where(walks, age_s, silent_s), np.where(walks, source.samples, np.inf), config)
+        offset = places - np.array(ned_p_m)
+        nearest_m = np.sqrt((offset * offset).sum(axis=1)) - unsure
+        known = age_s <= keep_s(v, nearest_m, config, source.looks)
         kept = np.nonzero(known & ~(source.steep & (aside_m > _PATCH_M)))[0]
-        v, places = source.ned_v_m_s[kept], places[kept]
+        places = places[kept]
         places[source.steep[kept], :2] = ned_p_m[:2]
-        walks = (v * v).sum(axis=1) >= _STANDING_M_S**2
-        unsure_s = np.where(walks, np.maximum(age_s[kept] - config.stale_s, 0.0), silent_s)
-        return places, v, unsure_s * config.spread_m_s, [source.labels[k] for k in kept]
+        return places, v[kept], unsure[kept], [source.labels[k] for k in kept]
+
+    def _ages_and_velocities(self, source: _Source, t_ns: int) -> tuple[Array, Array]:
+        """How old a source's points are, (K,), s, and their velocities (K, 3), m/s: the mean, out of view."""
+        age_s = np.maximum((t_ns - source.stamps_ns) / 1e9, 0.0)
+        return age_s, np.where((age_s > self._config.stale_s)[:, None], source.mean_v_m_s, source.ned_v_m_s)
 
     def _sight(self, ned_p_m: Vec3, t_ns: int, spoken: list[_Source]) -> tuple[Array | None, Array | None]:
         """Fastest speed and known range in each direction; None where no source says anything of them.
@@ -176,9 +190,9 @@ class ObstacleMap:
         """Indices of a source's older points that its new message does not speak of: out of its views."""
         if not views or not len(known.ned_p_m):
             return []
-        age_s = np.maximum((capture_ns - known.stamps_ns) / 1e9, 0.0)
-        offset = known.ned_p_m + known.ned_v_m_s * age_s[:, None] - place_m  # where those that walk should be by now
-        hidden = age_s <= keep_s(known.ned_v_m_s, offset, self._config, True)
+        age_s, v = self._ages_and_velocities(known, capture_ns)
+        offset = known.ned_p_m + v * age_s[:, None] - place_m  # where those that walk should be by now
+        hidden = age_s <= self._config.remember_s
         distance = np.sqrt((offset * offset).sum(axis=1))
         for view in views:
             hidden &= ~(covered(view, offset) & (distance <= view.range_m))
@@ -211,19 +225,16 @@ def covered(view: View, ned_offsets: Array) -> Array:
     return within & seen[np.clip(row, 0, view.rows - 1), np.clip(column, 0, view.columns - 1)]
 
 
-def keep_s(ned_v_m_s: Array, ned_offset_m: Array, config: LimiterConfig, looks: bool) -> Array:
-    """How long obstacles are kept without a new measurement, s, (...): longer, of a source that looks, those that stand
-    or should be within h_max by now.
-
-    Args:
-        ned_v_m_s: their velocities, (..., 3), m/s.
-        ned_offset_m: from the vehicle to where they should be now, (..., 3), m.
-        config: both times.
-        looks: whether their source would say so if they were gone.
-    """
-    longer = (ned_v_m_s * ned_v_m_s).sum(axis=-1) < _STANDING_M_S**2
-    longer |= (ned_offset_m * ned_offset_m).sum(axis=-1) <= config.h_max_m**2
-    return np.where(longer & looks, config.remember_s, config.keep_s)
+def _followed(known: _Source, labels: list[str], ned_v_m_s: Array, capture_ns: int) -> tuple[Array, Array]:
+    """Mean velocities (K, 3), m/s, of new points, and how many samples they are worth, (K,): those that have a name go
+    on from what was known under it."""
+    before = {label: k for k, label in reversed(list(enumerate(known.labels))) if label}
+    indices = np.array([before.get(label, -1) for label in labels], dtype=int)
+    again = indices >= 0
+    means, samples, dt_s = ned_v_m_s.copy(), np.zeros(len(labels)), np.zeros(len(labels))
+    means[again], samples[again] = known.mean_v_m_s[indices[again]], known.samples[indices[again]]
+    dt_s[again] = (capture_ns - known.stamps_ns[indices[again]]) / 1e9
+    return averaged(means, samples, ned_v_m_s, dt_s)
 
 
 def _age_s(t_ns: int, stamp_ns: int) -> float:

@@ -48,7 +48,7 @@ def sectors_m(around: Surroundings) -> tuple[float, ...]:
         north, east, down = around.ned_direction.T
         level = np.abs(down) <= _LEVEL_SINE
         sector = np.floor(np.arctan2(east, north) / _SECTOR_RAD).astype(int)[level] % SECTORS
-        np.minimum.at(nearest, sector, (around.distance_m * np.hypot(north, east))[level])
+        np.minimum.at(nearest, sector, (around.least_m * np.hypot(north, east))[level])
     free = _free_m(around)
     shown = np.where(np.isfinite(nearest), nearest, np.where(free > 0.0, free, -1.0))
     return tuple(shown.tolist())

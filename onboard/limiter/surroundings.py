@@ -21,7 +21,7 @@ class Surroundings:
     """Obstacles and sight, now."""
 
     distance_m: Array = field(default_factory=lambda: np.zeros(0))
-    """Distances, m, (K,)."""
+    """Distances to where the obstacles should be, m, (K,)."""
     ned_direction: Array = field(default_factory=lambda: _NOTHING)
     """Unit vectors towards the obstacles, NED, (K, 3)."""
     ned_v_m_s: Array = field(default_factory=lambda: _NOTHING)
@@ -30,6 +30,8 @@ class Surroundings:
     """Their names, K, or none at all."""
     sources: Sequence[str] = ()
     """Topic of each, K, or none at all."""
+    unsure_m: Array | None = None
+    """How far from there each may be, m, (K,); None for not at all."""
     speed_m_s: Array | None = None
     """Fastest speed in each direction of `cell_directions`, m/s, (ROWS, COLUMNS); None where nothing bounds it."""
     blind: bool = False
@@ -37,6 +39,11 @@ class Surroundings:
     range_m: Array | None = None
     """How far each direction is known to be free but for the obstacles, m, (ROWS, COLUMNS), 0 where it is not; None
     without a source that sees."""
+
+    @property
+    def least_m(self) -> Array:
+        """How near each obstacle may be, m, (K,), not negative."""
+        return self.distance_m if self.unsure_m is None else np.maximum(self.distance_m - self.unsure_m, 0.0)
 
     def fastest_m_s(self, ned_v_m_s: Vec3) -> float:
         """Fastest speed in the direction of a velocity, m/s, continuous in it; infinite where none is set."""

@@ -85,7 +85,9 @@ def test_what_should_be_here_by_now_is_not_forgotten_until_it_is_looked_for():
     known = heard((S, Obstacles(obstacles=(near, away), views=(view(),))), *((k * S, aside) for k in range(2, 10)))
     around = now(known, 9 * S)
     assert list(around.labels) == ["near"]
-    assert around.distance_m[0] == pytest.approx(8.0 - 0.7 * 8.0 - 7.5 * CONFIG.spread_m_s, abs=1e-6)
+    assert around.distance_m[0] == pytest.approx(8.0 - 0.7 * 8.0, abs=1e-6)
+    unsure_m = 7.5 * math.hypot(CONFIG.spread_m_s, CONFIG.velocity_error_m_s)
+    assert around.least_m[0] == pytest.approx(max(2.4 - unsure_m, 0.0), abs=1e-6)
     known.hear("obstacles/depth", Obstacles(obstacles=(), views=(view(),)), 9 * S + 1)
     assert not len(now(known, 9 * S + 1).labels)
 
@@ -95,11 +97,28 @@ def test_a_walker_walks_on():
     assert now(known, S + 4 * S // 10).distance_m == pytest.approx([4.4])
 
 
+def test_out_of_view_a_walker_walks_on_as_over_the_last_second_and_not_as_in_the_last_sample():
+    """One who was measured often is known better: the mean is carried on, and the uncertainty is less."""
+    errors = [0.2 if k % 2 else -0.2 for k in range(30)]
+    walk = [ahead(9.0 - 0.1 * k, v=(-1.0 + e, 0.0, 0.0), label="person 1") for k, e in enumerate(errors)]
+    aside = (view(math.pi / 2),)
+    known = heard(*((S + k * S // 10, Obstacles(obstacles=(o,), views=(view(),))) for k, o in enumerate(walk)))
+    seen = now(known, S + 29 * S // 10)
+    assert seen.ned_v_m_s[0, 0] == pytest.approx(-0.8), "in view the newest sample counts"
+    known.hear("obstacles/depth", Obstacles(obstacles=(), views=aside), S + 39 * S // 10)
+    later = now(known, S + 39 * S // 10)
+    assert later.ned_v_m_s[0, 0] == pytest.approx(-1.0, abs=0.02)
+    assert later.distance_m[0] == pytest.approx(5.1, abs=0.02)
+    once = now(heard((S, Obstacles(obstacles=(walk[-1],), views=(view(),)))), 2 * S)
+    assert later.unsure_m is not None and once.unsure_m is not None
+    assert 0.5 * CONFIG.spread_m_s < later.unsure_m[0] < 0.7 * once.unsure_m[0]
+
+
 def test_obstacles_of_a_silent_source_stay_grow_and_go():
     known = heard((S, Obstacles(obstacles=(ahead(5.0, label="person 3"),))), source="obstacles/people")
     assert now(known, S + S // 2).distance_m == pytest.approx([5.0])
     later = now(known, S + 5 * S // 2)
-    assert later.distance_m == pytest.approx([5.0 - 2.0 * CONFIG.spread_m_s])
+    assert later.least_m == pytest.approx([5.0 - 2.0 * CONFIG.spread_m_s])
     assert (later.labels, later.sources) == (["person 3"], ["obstacles/people"])
     assert not len(now(known, 8 * S).distance_m)
 
