@@ -1,15 +1,17 @@
 """A person's way through a hall, and what happens on it: the course that the UAV flies after him.
 
-He walks round a loop before the vehicle, faster and slower. All along it comes what trackers are known to fail at, one
-after the other, each kind once before any comes again: he turns about, bends over, hurries ahead or steps back; a
-screen or somebody in his colours passes between; somebody in his colours walks beside him; the light changes; the
-camera shakes; the operator turns the vehicle away from him. The order, the sides and the strengths are drawn.
+He walks round a loop before the vehicle, faster and slower. All along it comes what trackers are known to fail at, in
+two rows that know nothing of each other: what he and the vehicle do (he turns about, bends over, hurries ahead or steps
+back; the operator turns the vehicle away from him), and what happens around them (a screen or somebody in his colours
+passes between; somebody in his colours walks beside him; the light changes; the camera shakes). So he may come out from
+behind the screen with his back turned. In a row one follows the other, each kind once before any comes again. The
+order, the sides and the strengths are drawn.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,21 +23,15 @@ from common.geometry.rotation import quat_from_euler, quat_multiply
 RATE_HZ = 30.0
 HALF_M = (16.0, 16.0)
 START_M = 3.0
-KINDS = {
-    "turn": 4.0,
-    "lean": 3.5,
-    "size": 4.0,
-    "screen": 4.0,
-    "crossing": 3.0,
-    "companion": 6.0,
-    "light": 6.0,
-    "shake": 3.0,
-    "aside": 4.0,
-}
-"""What happens, and how long it lasts, s."""
+OWN = {"turn": 4.0, "lean": 3.5, "size": 6.0, "aside": 4.0}
+"""What he and the vehicle do, and how long it lasts, s."""
+AROUND = {"screen": 4.0, "crossing": 3.0, "companion": 6.0, "light": 6.0, "shake": 3.0}
+"""What happens around them, and how long it lasts, s."""
+KINDS = {**OWN, **AROUND}
+"""All of it."""
 _FIRST_S = 3.0
 _PAUSE_S, _DENSE_PAUSE_S = 1.5, 0.5
-_ASIDE_S = 1.3
+_ASIDE_S = 1.0
 _OPERATORS_TURN_RAD_S = 0.8
 _SHAKE_RAD_S = 2.0 * math.pi * 5.0
 
@@ -62,13 +58,18 @@ class Event:
 
 
 def events(rng: np.random.Generator, duration_s: float, dense: bool) -> list[Event]:
-    """One after the other until a time, s; with hardly a pause between them when `dense`."""
+    """Both rows until a time, s; with hardly a pause between what comes in one when `dense`."""
+    return [event for row in (OWN, AROUND) for event in _row(rng, row, duration_s, dense)]
+
+
+def _row(rng: np.random.Generator, kinds: Mapping[str, float], duration_s: float, dense: bool) -> list[Event]:
+    """One after the other until a time, s."""
     drawn, t, pause_s = [], _FIRST_S, _DENSE_PAUSE_S if dense else _PAUSE_S
     while t < duration_s:
-        for kind in rng.permutation(list(KINDS)).tolist():
+        for kind in rng.permutation(list(kinds)).tolist():
             blue, green, red = rng.uniform(0.85, 1.2, 3).tolist()
             drawn.append(Event(kind, t, float(rng.choice((-1.0, 1.0))), float(rng.random()), (blue, green, red)))
-            t += KINDS[kind] + pause_s * float(rng.uniform(0.5, 1.5))
+            t += kinds[kind] + pause_s * float(rng.uniform(0.5, 1.5))
     return drawn
 
 
@@ -115,7 +116,7 @@ def _wanted(happens: Sequence[Event], t_s: float, cruise_m_s: float) -> tuple[fl
             spinning = begin <= share < begin + length_s
             return 0.0, event.side * 2 * math.pi / (length_s * KINDS["turn"]) if spinning else 0.0
         if event.kind == "size" and share < 0.5:
-            return (2.0 + event.strength) if event.side > 0 else -0.7 - 0.3 * event.strength, 0.0
+            return (3.0 + event.strength) if event.side > 0 else -0.7 - 0.3 * event.strength, 0.0
     return cruise_m_s, 0.0
 
 

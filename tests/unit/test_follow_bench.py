@@ -70,15 +70,17 @@ def test_the_course_of_the_ground_robot_is_as_long_as_told() -> None:
 @pytest.mark.parametrize("seed", [3, 8])
 def test_everything_happens_on_the_uavs_course_and_he_stays_in_the_hall(seed: int) -> None:
     course = follow_course.Course(seed, 2400)
-    cycle = len(follow_course.KINDS)
-    assert {event.kind for event in course.events[:cycle]} == set(follow_course.KINDS), "each once before any again"
-    begins = [event.begin_s for event in course.events]
-    lengths = [follow_course.KINDS[event.kind] for event in course.events]
-    assert all(b >= a + length for a, b, length in zip(begins, begins[1:], lengths, strict=False)), "one at a time"
+    for row in (follow_course.OWN, follow_course.AROUND):
+        drawn = [event for event in course.events if event.kind in row]
+        assert {event.kind for event in drawn[: len(row)]} == set(row), "each once before any again"
+        ends = [event.begin_s + row[event.kind] for event in drawn]
+        assert all(event.begin_s >= end for event, end in zip(drawn[1:], ends, strict=False)), "one at a time in a row"
+    kinds = [{event.kind for event, _ in course.on(index)} for index in range(2400)]
+    assert sum(len(k) == 2 for k in kinds) > 800, "one of either row at once"
     places = np.array([course.target(index).ned_p_m for index in range(0, 2400, 5)])
     assert np.abs(places).max() < follow_course.HALF_M[0] - 2.0
     speeds_m_s = np.linalg.norm(np.diff(places, axis=0), axis=1) * follow_course.RATE_HZ / 5
-    assert speeds_m_s.max() < 3.1 and speeds_m_s.mean() > 0.4
+    assert speeds_m_s.max() < 4.1 and speeds_m_s.mean() > 0.4
     again = follow_course.Course(seed, 2400)
     assert again.events == course.events and (again.target(900).ned_p_m == course.target(900).ned_p_m).all()
 
@@ -97,7 +99,7 @@ def test_what_happens_on_the_uavs_course_is_seen() -> None:
         away = target.ned_p_m / np.linalg.norm(target.ned_p_m)
         lens = Lens(EYE, target.ned_p_m - 3.0 * away + eye, quat_from_euler(0.0, 0.0, math.atan2(away[1], away[0])))
         hidden = hidden_share(lens, target, course.others(index, lens.ned_p_m))
-        assert hidden == 1.0 if kind == "screen" else hidden > 0.6
+        assert hidden > (0.85 if kind == "screen" else 0.4), "he may bend over behind it"
     assert abs(course.target(middle("lean")).lean_rad) > 0.29
     headings = [course.target(middle("turn", share)).heading_rad for share in (0.15, 0.99)]
     assert abs(headings[1] - headings[0]) == pytest.approx(2 * math.pi, abs=0.35), "once round"
