@@ -44,7 +44,7 @@ PAPER = {
 """Al-Kaff 2019, Table 2."""
 _LOOK_S = 0.022
 """What one pass of the pose network takes on one core of a desk machine, s (docs/people.md)."""
-_BUDGET_SHARE = 0.8
+BUDGET_SHARE = 0.8
 """Share of a picture's period that poses may take."""
 _POLL_S = 2.0
 
@@ -66,34 +66,36 @@ class Flown:
     took_s: float = 0.0
 
 
-class _ModelClock:
+class ModelClock:
     """Seconds that pass only while the network looks."""
 
     def __init__(self) -> None:
         self.now_s = 0.0
 
     def __call__(self) -> float:
+        """Seconds."""
         return self.now_s
 
 
-class _TimedNetwork(PoseNetwork):
+class TimedNetwork(PoseNetwork):
     """The network, on a core where each look takes as long as on the model's."""
 
-    def __init__(self, clock: _ModelClock):
+    def __init__(self, clock: ModelClock):
         super().__init__(blazepose(blazepose_file()))
         self._clock = clock
 
     def __call__(self, crop: Picture) -> tuple[np.ndarray, np.ndarray, float]:
+        """As the network, and the clock goes on."""
         self._clock.now_s += _LOOK_S
         return super().__call__(crop)
 
 
 def pipeline(rate_hz: float) -> PeoplePipeline:
     """The node's search for people, for pictures of a rate, Hz."""
-    config, clock = PeopleConfig(), _ModelClock()
-    watch = msgspec.structs.replace(config.watch, budget_ms=1e3 * _BUDGET_SHARE / rate_hz)
+    config, clock = PeopleConfig(), ModelClock()
+    watch = msgspec.structs.replace(config.watch, budget_ms=1e3 * BUDGET_SHARE / rate_hz)
     config = msgspec.structs.replace(config, watch=watch)
-    return PeoplePipeline(config, COLOUR, DEPTH.camera, _TimedNetwork(clock), clock=clock)
+    return PeoplePipeline(config, COLOUR, DEPTH.camera, TimedNetwork(clock), clock=clock)
 
 
 def claims_of(search: PeoplePipeline, shot: Shot) -> list[Claim]:

@@ -31,6 +31,8 @@ _LYING_M, _LONG_M, _WIDE_M, _HEAD_M2 = 0.6, (1.1, 2.6), 0.25, 0.08
 """Height, lengths and least width of somebody who lies, m; largest head from above, m²."""
 _UNBROKEN_S = 0.35
 """Sight of somebody is unbroken over gaps up to this."""
+_ONE = 0.5
+"""Boxes that share more than this (IoU) are of one person."""
 _NEWEST_WAY = 0.5
 """Share of the newest picture in how fast a box moves."""
 _LIES = 0.5
@@ -98,10 +100,6 @@ class Spot:
         dx, dy = self.way_px_s * ((t_ns - self.seen_ns) / 1e9)
         return x + dx, y + dy, width, height
 
-    def is_nobody(self) -> None:
-        """It shows somebody whom another region shows."""
-        self.pose, self.look, self.number, self.confirmed = None, None, 0, False
-
     def found(self, pose: Pose, look: Look, evidence: float, t_ns: int) -> None:
         """A look found a person; how much it says, in looks."""
         self._looked(t_ns)
@@ -159,7 +157,8 @@ class Watch:
         """Every region that is not forgotten."""
 
     def follow(self, sights: Sequence[Sight], t_ns: int) -> list[Spot]:
-        """The spot of each sight of a picture, in their order; new ones for what was not there before."""
+        """The spot of each sight of a picture, in their order; new ones for what was not there before. Without places,
+        a second box of somebody who has one is left out."""
         limit_ns = round(self.config.forget_s * 1e9)
         self.spots = [spot for spot in self.spots if t_ns - spot.seen_ns <= limit_ns]
         costs = np.array([[self._distance(spot, sight, t_ns) for sight in sights] for spot in self.spots])
@@ -167,11 +166,12 @@ class Watch:
         for row, column in assign(costs, 1.0):
             found[column] = self.spots[row]
             found[column].there(sights[column], t_ns)
+        people = [spot.sight for spot in found.values() if spot.number]
         for column, sight in enumerate(sights):
-            if column not in found:
+            if column not in found and not any(_same_box(sight, other) for other in people):
                 found[column] = Spot(sight, t_ns)
                 self.spots.append(found[column])
-        return [found[column] for column in range(len(sights))]
+        return [found[column] for column in sorted(found)]
 
     def due(self, spots: Sequence[Spot], t_ns: int) -> Iterator[Spot]:
         """Those that are to be looked at now, the most urgent first."""
@@ -187,14 +187,16 @@ class Watch:
         and then; the one that was there first stays."""
         carried = [spot for spot in spots if self.carries(spot, t_ns)]
         placeless = [spot for spot in carried if spot.sight.ned_p_m is None]
-        kept: list[Pose] = []
+        kept: list[tuple[Sight, Pose]] = []
+        twice: set[int] = set()
         for spot in sorted(placeless, key=lambda s: (not s.confirmed, s.number or math.inf, -s.posed_ns)):
             pose = spot.pose_now(t_ns)
-            if pose is not None and not any(same_body(pose, other) for other in kept):
-                kept.append(pose)
+            if pose is None or any(same_body(pose, p) or _same_box(spot.sight, sight) for sight, p in kept):
+                twice.add(id(spot))
             else:
-                spot.is_nobody()
-        return [spot for spot in carried if spot.pose is not None]
+                kept.append((spot.sight, pose))
+        self.spots = [spot for spot in self.spots if id(spot) not in twice]
+        return [spot for spot in carried if id(spot) not in twice]
 
     def merged(self, number: int, into: int) -> None:
         """A person turned out to be another."""
@@ -276,6 +278,11 @@ def iou(a: Sequence[float], b: Sequence[float]) -> float:
     height = min(a[1] + a[3], b[1] + b[3]) - max(a[1], b[1])
     common = max(width, 0) * max(height, 0)
     return common / (a[2] * a[3] + b[2] * b[3] - common)
+
+
+def _same_box(a: Sight, b: Sight) -> bool:
+    """Whether two regions without places are boxes of one person."""
+    return a.ned_p_m is None and b.ned_p_m is None and iou(a.region.box_px, b.region.box_px) > _ONE
 
 
 def _middle(box: Box) -> Array:

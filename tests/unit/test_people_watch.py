@@ -76,9 +76,10 @@ def test_without_places_nobody_is_two():
         spot.found(pose(moved(STANDING, 0.0, 1.0, (shift, 0.0))), look, 2.0, 0)
         spot.number = number
     assert [id(s) for s in watch.shown(spots, 0)] == [id(s) for s in spots[1:]], "who was there first stays"
-    assert spots[0].pose is None and spots[0].number == 0
+    assert spots[0] is not watch.spots[0] and len(watch.spots) == 2, "the second box is forgotten"
+    assert len(watch.follow([_boxed(100.0), _boxed(105.0)], 1)) == 1, "a second box of somebody is left out"
     # With places it is the depth that says who is where.
     for spot in spots[1:]:
         spot.sight = replace(spot.sight, ned_p_m=np.zeros(3))
         spot.pose = pose()
-    assert len(watch.shown(spots, 0)) == 2
+    assert len(watch.shown(spots[1:], 0)) == 2
