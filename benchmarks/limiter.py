@@ -18,6 +18,7 @@ from onboard.limiter.law import repulsion
 
 SPEEDS_M_S = {1: 0.7, 2: 1.4, 3: 2.1}
 STRATEGIES = ("proposed", "tti", "dpf")
+_LINES = {"proposed": "-", "tti": "--", "dpf": "-."}
 _DURATION_S = {1: 56.0, 2: 32.0, 3: 28.0}
 _RUN_IN_S = 10.0
 """Before the curve begins, with the default drag: PX4's loop takes so long to come near the asked speed there."""
@@ -125,7 +126,7 @@ def _plot(folder: Path, flights: dict[str, Flight]) -> None:
     curve, surface = law.add_subplot(1, 2, 1), law.add_subplot(1, 2, 2, projection="3d")
     h = np.linspace(0.3, 9.0, 300)
     for strategy in STRATEGIES:
-        curve.plot(h, repulsion(h, 1.5, configured(1, strategy)), label=strategy)
+        curve.plot(h, repulsion(h, 1.5, configured(1, strategy)), _LINES[strategy], label=strategy)
     for mark, name in ((0.7, "h_min"), (1.5, "h_desired"), (2.5, "h_mid"), (8.0, "h_max")):
         curve.axvline(mark, color="0.7", lw=0.8)
         curve.text(mark, 3.1, name, rotation=90, va="top", ha="right", fontsize=8)
@@ -137,15 +138,15 @@ def _plot(folder: Path, flights: dict[str, Flight]) -> None:
     law.savefig(folder / "limiter-law.png", dpi=110)
     for prefix, title in (("", "low drag"), ("ideal_", "ideal response"), ("drag_", "default drag")):
         figure = Figure(figsize=(13, 10), layout="constrained")
-        figure.suptitle(f"Al-Kaff 2019, figures 12 to 20: {title}")
+        figure.suptitle(f"Al-Kaff 2019, figures 11 to 20: {title}")
         for row, experiment in enumerate(SPEEDS_M_S):
             axes = [figure.add_subplot(3, 3, 3 * row + k + 1) for k in range(3)]
             for strategy in STRATEGIES:
                 flight = flights[f"{prefix}exp{experiment}_{strategy}"]
                 t_s = np.arange(len(flight.distance_m)) * _DT_S
-                axes[0].plot(t_s, flight.distance_m, label=strategy)
-                axes[1].plot(t_s, flight.speed_m_s)
-                axes[2].plot(flight.distance_m, flight.setpoint_m_s)
+                axes[0].plot(t_s, flight.distance_m, _LINES[strategy], label=strategy)
+                axes[1].plot(t_s, flight.speed_m_s, _LINES[strategy])
+                axes[2].plot(flight.distance_m, flight.setpoint_m_s, _LINES[strategy])
             axes[0].axhline(1.5, color="0.7", lw=0.8)
             axes[0].set(
                 xlabel="s", ylabel="distance, m", title=f"experiment {experiment}: {SPEEDS_M_S[experiment]} m/s"
