@@ -58,9 +58,10 @@ class PursuitConfig(Section, frozen=True, kw_only=True):
     """Velocity: its integral, 1/s²."""
     autopilot_d: NonNegative = 0.2
     """Velocity: its damping by the acceleration."""
-    picture_rad: Positive = 0.006
-    """Standard deviation of the target's direction in a picture, rad: 2.6 pixels, since it is not white."""
-    picture_m: NonNegative = 0.005
+    picture_rad: Positive = 0.004
+    """Standard deviation of the target's direction in a picture, rad: 1.8 pixels. A parked car scatters by 1.1, half of
+    it shared by the next picture."""
+    picture_m: NonNegative = 0.003
     """The part of it that does not grow with the height, m."""
     target_agility_m_s2: Positive = 1.5
     """Standard deviation of the target's acceleration, m/s² (Singer's model)."""
