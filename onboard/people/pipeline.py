@@ -207,8 +207,10 @@ class PeoplePipeline:
             numbers = [older if number == newer else number for number in numbers]
         tracks = {track.number: track for track in self.tracker.tracks}
         self.walks.keep(tracks)
-        found = []
+        found: list[Found] = []
         for spot, number in zip(shown, numbers, strict=True):
+            if number in {f.number for f in found}:
+                continue  # a part of somebody
             spot.number = number
             spot.confirmed = number in tracks and tracks[number].confirmed
             pose = spot.pose_now(t_ns)

@@ -15,6 +15,9 @@ from onboard.people.config import AssociationConfig
 from onboard.people.pose import Pose
 
 _LARGEST_STEP_S = 600.0
+_NO_ROOM_M, _SURELY = 0.4, 2.0
+"""Two in one picture whose middles are nearer than this, m, are one if they look so many times more alike than people
+have to for it."""
 _CUT_OFF_M = 1.0
 """By so much the middle of what is left of a person at the picture's edge may be off."""
 
@@ -117,20 +120,23 @@ class PeopleTracker:
         """Pairs (newer, older number) that are one person, as far as place and looks say.
 
         What was first seen of somebody, at the picture's edge, may lie too far from where they are for the second sight
-        to be theirs; once the places agree, the evidence decides that would have then. Who were in one picture are two.
+        to be theirs; once the places agree, the evidence decides that would have then. Who were in one picture are two,
+        but for those who lie where nobody else could and look the same: parts of one that a thing or a shadow divides.
         """
         believed = sorted((t for t in self.tracks if t.confirmed and not t.dismissed), key=lambda t: t.number)
         return [(newer.number, older.number) for older, newer in combinations(believed, 2) if self._one(older, newer)]
 
     def _one(self, older: Track, newer: Track) -> bool:
-        if older.ned_p_m is None or newer.ned_p_m is None or {older.number, newer.number} in self._together:
+        if older.ned_p_m is None or newer.ned_p_m is None:
             return False
-        if float(np.linalg.norm((older.ned_p_m - newer.ned_p_m)[:2])) > self.config.near_m:
+        two = {older.number, newer.number} in self._together
+        apart_m = float(np.linalg.norm((older.ned_p_m - newer.ned_p_m)[:2]))
+        if apart_m > (_NO_ROOM_M if two else self.config.near_m):
             return False
         costs = (
             match_cost(older.looks, older.pose, look, newer.pose, float("inf"), self.config) for look in newer.looks
         )
-        return min(costs) * self.config.near_factor < self.config.gate
+        return min(costs) * (_SURELY if two else self.config.near_factor) < self.config.gate
 
     def recognises(self, track: Track, look: Look, pose: Pose, t_ns: int) -> bool:
         """Whether somebody seen where a person was is that person by their look."""

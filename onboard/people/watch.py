@@ -199,7 +199,9 @@ class Watch:
         return [spot for spot in carried if id(spot) not in twice]
 
     def merged(self, number: int, into: int) -> None:
-        """A person turned out to be another."""
+        """A person turned out to be another; of two regions the other's stays."""
+        if any(spot.number == into for spot in self.spots):
+            self.spots = [spot for spot in self.spots if spot.number != number]
         for spot in self.spots:
             if spot.number == number:
                 spot.number = into

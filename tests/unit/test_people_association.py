@@ -212,6 +212,19 @@ def test_who_turns_out_to_be_in_the_same_place_is_one_person_unless_both_were_in
     assert [(t.number, t.merged) for t in tracker.tracks] == [(1, (2,))]
 
 
+def test_two_in_one_picture_where_only_one_has_room_are_one_if_they_look_the_same():
+    def doubles(colours: str, north_m: float) -> list[tuple[int, int]]:
+        here = _detection("red over blue", ned_p_m=np.array([3.0, 1.0, 0.0]), ned_p_cov_m2=0.04 * np.eye(3))
+        part = _detection(colours, ned_p_m=np.array([north_m, 1.0, 0.0]), ned_p_cov_m2=0.04 * np.eye(3))
+        tracker = PeopleTracker(msgspec.structs.replace(CONFIG, confirm_hits=1))
+        assert tracker.update([here, part], 0) == [1, 2]
+        return tracker.doubles()
+
+    assert doubles("red over blue", 3.3) == [(2, 1)]
+    assert doubles("red over blue", 3.6) == [], "beside each other"
+    assert doubles("green over black", 3.3) == [], "across each other"
+
+
 def test_who_has_no_pose_of_their_own_goes_on_as_the_region_says():
     first, second = _detection("red over blue"), _detection("green over black")
     tracker = PeopleTracker(CONFIG)
