@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from common.geometry.rotation import quat_exp, quat_multiply, slerp
+from common.geometry.rotation import quat_exp, quat_multiply, quat_rotate, slerp
 from common.header import Received
 from common.messages import VehicleState
 from ground.pursuit.horizon import Horizon
@@ -56,7 +56,8 @@ class StateHistory:
         quat, rates = np.array(state.ned_q_body), np.array(state.body_rates_rad_s)
         velocity, force = np.array(state.ned_v_m_s), state.body_f_m_s2
         attitude = self._horizon.update(quat, rates, t_ns, velocity, None if force is None else np.array(force))
-        pose = Pose(np.array(state.ned_p_m), velocity, attitude, quat)
+        acceleration = None if force is None else quat_rotate(attitude, np.array(force))[:2]
+        pose = Pose(np.array(state.ned_p_m), velocity, attitude, quat, acceleration)
         self._states.append(_State(t_ns, pose, quat, rates))
         while self._states[-1].t_ns - self._states[0].t_ns > self._span_ns:
             self._states.popleft()
@@ -92,6 +93,7 @@ def _between(a: _State, b: _State, capture_ns: int) -> Pose:
         mix(a.pose.ned_v_m_s, b.pose.ned_v_m_s),
         slerp(a.pose.ned_q_body, b.pose.ned_q_body, share),
         slerp(a.level, b.level, share),
+        None if a.pose.ned_a_m_s2 is None or b.pose.ned_a_m_s2 is None else mix(a.pose.ned_a_m_s2, b.pose.ned_a_m_s2),
     )
 
 
@@ -103,4 +105,5 @@ def _carried(state: _State, capture_ns: int) -> Pose:
         state.pose.ned_v_m_s,
         quat_multiply(state.pose.ned_q_body, turn),
         quat_multiply(state.level, turn),
+        state.pose.ned_a_m_s2,
     )

@@ -39,7 +39,8 @@ _DOWN = np.array([0.0, 0.0, 1.0])
 _LEAST_DOWN = 0.3  # of the body's axis: beyond 70 degrees a tilt is no acceleration
 _LONGEST_GAP_S = 2.0
 _STEP_NS = round(STEP_S * 1e9)
-_TILT_M_S2, _VELOCITY_M_S = 0.03, 0.01  # standard deviations of what telemetry says, without what wanders
+# Standard deviations of what telemetry says, without what wanders.
+_TILT_M_S2, _FORCE_M_S2, _VELOCITY_M_S = 0.03, 0.06, 0.01
 _FIRST = (0.05, 0.05, 1.0, 0.5, 0.1, 0.3, 0.5, 0.5, 0.03)  # standard deviations at the first picture
 _UNKNOWN = (5.0, 1.5, 0.5)  # of position, velocity, acceleration of a target that was found again, perhaps elsewhere
 _UNSEEN = (0.15, 0.3, 0.3)  # of position, velocity, acceleration of a target that is predicted
@@ -103,6 +104,8 @@ class RelativeMotion:
             self._covariance = transition @ self._covariance @ transition.T + noise
             self._t_ns += steps * _STEP_NS
             self._correct((TILT,), tilt, _TILT_M_S2)
+            if pose.ned_a_m_s2 is not None:
+                self._correct((TILT, WIND), pose.ned_a_m_s2, _FORCE_M_S2)
             self._correct((OWN_V, DOUBT), velocity, _VELOCITY_M_S)
             if relative_m is not None:
                 self._correct((ERROR,), relative_m, std_m)

@@ -29,6 +29,8 @@ class Pose:
     """Attitude, (w, x, y, z), as well as it is known."""
     ned_q_level: Array | None = None
     """Attitude that the autopilot takes for its own and levels by; None: the same."""
+    ned_a_m_s2: Array | None = None
+    """Horizontal acceleration by the accelerometers, north and east, m/s², shape (2,); None when they are not told."""
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from common.geometry.rotation import quat_from_euler
-from ground.pursuit.answer import ERROR, OWN_V, SIZE, TARGET_A, TARGET_V, make_answer
+from ground.pursuit.answer import ERROR, OWN_V, SIZE, TARGET_A, TARGET_V, WIND, make_answer
 from ground.pursuit.config import PursuitConfig
 from ground.pursuit.motion import RelativeMotion, tilt_acceleration
 from ground.pursuit.view import Pose
@@ -71,6 +71,23 @@ def test_a_request_under_way_shows_ahead_before_it_shows_in_the_estimate() -> No
     assert motion.state is not None
     assert ahead is not None
     assert ahead[OWN_V, 0] > motion.state[OWN_V, 0] + 0.01
+
+
+def test_a_gust_is_felt_by_the_accelerometers_before_it_shows_in_velocity_and_pictures() -> None:
+    felt = []
+    for told in (False, True):
+        motion = _motion()
+        for index in range(45):
+            blown_s = max(0.0, (index - 40) * PERIOD_S)  # a wind of 0.4 m/s² sets in and pushes north
+            wind = np.array([0.4 if index > 40 else 0.0, 0.0])
+            velocity = np.array([0.4 * blown_s, 0.0, 0.0])
+            pose = Pose(STILL.ned_p_m, velocity, STILL.ned_q_body, None, wind if told else None)
+            motion.update(np.array([-0.2 * blown_s**2, 0.0]), pose, index * PERIOD_NS, 0.0, 0.02)
+            motion.sent(np.zeros(2))
+        assert motion.state is not None
+        felt.append(motion.state[WIND, 0])
+    assert felt[1] > 1.5 * felt[0]
+    assert felt[1] == pytest.approx(0.4, abs=0.15)
 
 
 def test_after_a_long_gap_the_motion_is_estimated_anew() -> None:
