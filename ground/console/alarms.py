@@ -82,6 +82,10 @@ def _helm(view: Snapshot) -> Iterator[Alarm]:
         )
 
 
+_GO_NEAR = ("approach", "landing")
+"""States in which what is near is what was asked for; the collision zone is an alarm in these, too."""
+
+
 def _limiter(view: Snapshot) -> Iterator[Alarm]:
     status = view.status
     if status is None or not status.in_air or not view.fresh(STATUS):
@@ -93,7 +97,7 @@ def _limiter(view: Snapshot) -> Iterator[Alarm]:
             f"Obstacle at {distance}: collision zone",
             "The limiter pushes away. Press Hold; do not press Land or Return before it is clear.",
         )
-    elif status.limiter_zone == "transition":
+    elif status.limiter_zone == "transition" and status.state not in _GO_NEAR:
         yield Alarm("warning", f"Obstacle at {distance}", "The limiter slows the vehicle; choose another way.")
 
 

@@ -61,7 +61,7 @@ APPROACH_PERSON = Action(
     "Approach this one",
     ("approach/do/select", "helm/do/approach"),
     Icon.WALK,
-    ButtonLook(height_px=34),
+    ButtonLook(wide=True, height_px=34),
     in_turn=True,
 )
 SEARCH_AREA = Action(
@@ -72,7 +72,7 @@ RESUME_SEARCH = Action("Search area", ("helm/do/search",), Icon.ROUTE)
 STOP_SEARCH = Action("Stop search", ("helm/do/hold", "search/do/stop"), Icon.ROUTE_OFF, ButtonLook(height_px=34))
 RENAME = Action("Rename", ("people/do/rename",), Icon.PENCIL, ButtonLook(wide=True, height_px=34))
 MERGE = Action("Merge", ("people/do/merge",), Icon.USERS, ButtonLook(wide=True, height_px=34))
-DISMISS = Action("Dismiss", ("people/do/dismiss",), Icon.USER_OFF, ButtonLook(height_px=34))
+DISMISS = Action("Dismiss", ("people/do/dismiss",), Icon.USER_OFF, ButtonLook(wide=True, height_px=34))
 CHOOSE = Action("Choose what to approach", ("approach/do/select",), Icon.POINTER)
 RETURN = Action("Return", ("helm/do/return",), Icon.HOME)
 ENGAGE = Action("Engage", ("helm/do/engage",), Icon.STEERING_WHEEL)

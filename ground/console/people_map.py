@@ -46,7 +46,8 @@ class PeopleMap:
             for handle in (marker.words, marker.rim, marker.ball):
                 handle.remove()
         for number, person in placed.items():
-            words = f"{person.name} ({state_words(person, view.ago_s(person.last_seen_ns))})"
+            # Without its age: a label that changes every second is set anew by the browser, and seldom there.
+            words = f"{person.name} ({state_words(person, None)})"
             marker = self._markers.get(number) or self._add(number)
             if marker.shown != (person, words):
                 marker.shown = (person, words)
@@ -68,7 +69,8 @@ def _draw(marker: _Marker, person: Person, words: str) -> None:
     colour = COLOURS[person.state]
     marker.ball.position = person.ned_p_m or (0.0, 0.0, 0.0)
     marker.ball.color = colour
-    marker.words.text = words
+    if marker.words.text != words:
+        marker.words.text = words
     marker.rim.visible = person.ned_p_cov_m2 is not None
     if person.ned_p_cov_m2 is not None:
         around = ellipse(person.ned_p_cov_m2, _POINTS)

@@ -6,10 +6,9 @@ import threading
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
-import msgspec
 import viser
 
-from common.messages import PersonDetection, person_label
+from common.messages import person_label
 from ground.console.captions import hint, target_caption
 from ground.console.collector import Collector
 from ground.console.config import ConsoleConfig
@@ -24,6 +23,7 @@ from ground.console.overlay import (
     decode,
     on_canvas,
 )
+from ground.console.people_boxes import carried, scaled
 from ground.console.people_cards import COLOURS
 from ground.console.snapshot import APPROACH, PURSUIT_CAMERA, TRACK, Picture, Snapshot
 from ground.console.target import pixels_of
@@ -218,7 +218,7 @@ class PictureBoard:
         if not live:
             self._painter.stale(drawn, f"NO PICTURE {view.picture_age_ms / 1000:.1f} s", "what is shown here is old")
             return drawn
-        self._draw_people(drawn, picture, view)
+        self._draw_people(drawn, picture, view, collector)
         if view.track is not None and view.fresh(TRACK) and view.shown == PURSUIT_CAMERA:
             self._painter.target(drawn, view.track)
         followed = view.followed_in_picture
@@ -231,13 +231,14 @@ class PictureBoard:
         self._painter.captions(drawn, left, target_caption(view), hint(view))
         return drawn
 
-    def _draw_people(self, drawn: Pixels, picture: Picture, view: Snapshot) -> None:
+    def _draw_people(self, drawn: Pixels, picture: Picture, view: Snapshot, collector: Collector) -> None:
         found = view.in_picture
         if found is None:
             return
         known = {person.number: person for person in view.people.people} if view.people is not None else {}
         scale_x, scale_y = picture.width / found.width, picture.height / found.height
-        for someone in found.people:
+        then, now = (collector.state_at(stamp_ns) for stamp_ns in (view.detections_capture_ns, picture.capture_ns))
+        for someone in carried(found, view.camera, then, now):
             person = known.get(someone.number)
             word = person_label(someone.number) if person is None else person.name
             state = "provisional" if person is None else person.state
@@ -291,13 +292,6 @@ def drawn_box(shown: Shown | None, corner_min: tuple[float, float], corner_max: 
             f"{_BOX_MIN_PX:.0f} px, all around the target."
         )
     return DrawnBox(box, shown.capture_ns, shown.camera)
-
-
-def scaled(found: PersonDetection, x: float, y: float) -> PersonDetection:
-    """The same person in a picture of another size."""
-    left, top, width, height = found.box_px
-    joints = tuple((column * x, row * y, confidence) for column, row, confidence in found.joints_px)
-    return msgspec.structs.replace(found, box_px=(left * x, top * y, width * x, height * y), joints_px=joints)
 
 
 def _aspect(client: viser.ClientHandle) -> float:

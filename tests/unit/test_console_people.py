@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from common.geometry.config import CameraConfig
 from common.messages import (
     BONES,
     JOINTS,
@@ -22,6 +23,7 @@ from common.messages import (
 from ground.console.captions import hint
 from ground.console.commands import APPROACH_PERSON, DISMISS, MERGE, RENAME
 from ground.console.overlay import GREEN, Painter
+from ground.console.people_boxes import carried, scaled
 from ground.console.people_cards import (
     called,
     ellipse,
@@ -34,9 +36,10 @@ from ground.console.people_cards import (
     spread_m,
 )
 from ground.console.people_tab import NOBODY, OrderRefused, order
-from ground.console.pictures import choose_picture, scaled
+from ground.console.pictures import choose_picture
 from ground.console.snapshot import DETECTIONS, PEOPLE, SEARCH, STATUS, TRACK, Picture, Snapshot
-from tests.flying import helm_status
+from ground.console.target import pixels_of
+from tests.flying import flying, helm_status
 
 S = 1_000_000_000
 
@@ -149,6 +152,24 @@ def test_a_detection_fits_a_picture_of_another_size() -> None:
     half = scaled(detection(), 0.5, 0.25)
     assert half.box_px == (10.0, 5.0, 60.0, 30.0)
     assert half.joints_px[2] == (20.0, 10.0, 0.9)
+
+
+def test_boxes_go_with_the_ground_when_the_vehicle_has_flown_on() -> None:
+    camera = CameraConfig().camera()
+    place = (1.0, 0.5, 0.0)
+    then, now = flying(5.0), flying(5.0, ned_p_m=(0.6, 0.0, -5.0))
+    found = PeopleDetections(
+        camera="down", width=320, height=240, people=(detection(ned_p_m=place), detection()), with_depth=True
+    )
+    moved, unplaced = carried(found, camera, then, now)
+    half = camera.resized(320, 240)
+    x, y = pixels_of([place], half, now)[0] - pixels_of([place], half, then)[0]
+    assert y > 20.0 and abs(x) < 1e-6, "what lies ahead comes down the picture"
+    assert moved.box_px == pytest.approx((20.0 + x, 20.0 + y, 120.0, 120.0))
+    assert moved.joints_px[2] == pytest.approx((40.0 + x, 40.0 + y, 0.9))
+    assert unplaced == detection()
+    for unknown in ((None, then, now), (camera, None, now), (camera, then, None)):
+        assert carried(found, *unknown) == list(found.people)
 
 
 def test_the_picture_that_people_were_found_in_is_shown_with_them() -> None:

@@ -122,6 +122,15 @@ def test_each_alarm_says_what_and_what_to_do(view: Snapshot, level: str, words: 
     assert found[0].action
 
 
+@pytest.mark.parametrize("state", ["approach", "landing"])
+def test_near_where_it_was_told_to_go_is_no_alarm_until_too_near(state: str) -> None:
+    def near(zone: str) -> list[str]:
+        view = snapshot(status=status(state=state, limiter_zone=zone, limiter_distance_m=0.9))
+        return [alarm.level for alarm in alarms(view, CONFIG) if "0.9 m" in alarm.title]
+
+    assert (near("transition"), near("collision")) == ([], ["danger"])
+
+
 def test_worst_alarm_comes_first() -> None:
     view = snapshot(picture_age_ms=3000.0, status=status(limiter_zone="collision", limiter_distance_m=0.5))
     assert [a.level for a in alarms(view, CONFIG)] == ["danger", "warning"]
