@@ -7,15 +7,18 @@ nothing supports the answer.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from common.evaluation import jaccard
 from common.tracking.appearance import Appearance, upright_patch
 from common.tracking.base import Box
 from onboard.fusion.center import Fused
+from onboard.fusion.prior import elsewhere, out_of_reach
 
 _DOUBTFUL = 0.45
 """Relative similarity below which a tracker's box is doubted if another's is clearly more similar."""
@@ -26,10 +29,20 @@ _UNLIKE, _ALONE_UNLIKE = 0.3, 0.5
 """Relative similarity below which it is doubted in any case, and when the other trackers say that they are lost."""
 _ALONE_THERE_UNLIKE = 0.4
 """The same of one that is alone, and is where the answer was: it has not gone to something else."""
+_FOUND_UNLIKE = 0.6
+"""The same of one that is alone after the answer had rested on nobody: it has found something, maybe what covers it."""
+_BROKEN_S = 0.15
+"""For how long nobody must have spoken for the answer for it to count as broken off, s."""
 _SURELY = 0.7
 """Relative similarity from which a box is the target, though one tracker alone has it."""
 _SAME = 0.5
 """Overlap above which two boxes are the same."""
+_SHRINK = 0.25
+"""Size of the picture in which detail is measured, over the whole: there noise is none."""
+_DETAIL_MEMORY_S = 3.0
+"""Time constant with which the usual detail follows the pictures, s."""
+_CLEAR, _LEAST_CLEAR = 1.5, 0.5
+"""Detail over its usual value counts as full from one over the first on; the second is the least that is reckoned."""
 _UNDECIDED_S = 0.06
 """How long the answer must have been without support before one tracker is chosen to speak, s."""
 _CHOSEN = 0.5
@@ -49,7 +62,7 @@ class Verdict:
     doubted: frozenset[str] = frozenset()
     """Trackers whose box does not look like the target, or less so than another's."""
     silent: frozenset[str] = frozenset()
-    """Trackers that are not heard, since another was chosen to speak."""
+    """Trackers that are not heard: they are at another thing, or another was chosen to speak."""
     begun: tuple[str, ...] = ()
     """Trackers whose past no longer holds and that are to be followed: one was just chosen, and these agree with it."""
 
@@ -68,8 +81,13 @@ class Witness:
         self._number = 0
         self._supported_ns = t_ns
         self._chosen: str | None = None
+        self._agreed_ns = t_ns
+        self._broken = False
+        """Whether the answer has rested on nobody since two trackers, or a sure look, last spoke for it."""
         self._appearance.learn_target(upright_patch(grey, box))
         self._learn_background(grey, box)
+        self._detail, self._looked_ns = 0.0, t_ns
+        self._clearness(grey, t_ns)
 
     def judge(
         self, grey: np.ndarray, boxes: Mapping[str, Box], several: bool, fused: Fused | None, t_ns: int
@@ -83,10 +101,27 @@ class Witness:
             fused: the last fused answer; None before any.
             t_ns: stamp of the picture, ns.
         """
-        similar = {name: self.likeness(grey, box) for name, box in boxes.items()}
+        fused = None if fused is None or fused.state == "waiting" else fused
+        if fused is not None and fused.state != "tracking" and t_ns - self._supported_ns >= _BROKEN_S * 1e9:
+            self._broken = True
+        clear = self._clearness(grey, t_ns)
+        similar = {name: min(1.0, self.likeness(grey, box) / clear) for name, box in boxes.items()}
+        others = frozenset() if fused is None else self._others(similar, boxes, several, fused, t_ns)
+        similar = {name: likeness for name, likeness in similar.items() if name not in others}
+        boxes = {name: box for name, box in boxes.items() if name not in others}
         begun = self._choose(similar, boxes, fused, t_ns) or _found_alone(similar, boxes, fused if several else None)
         heard = boxes.keys() if self._chosen is None else {self._chosen, *_same_as(self._chosen, boxes)}
-        return Verdict(_doubted(similar, boxes, fused if several else None), frozenset(boxes.keys() - heard), begun)
+        least = _FOUND_UNLIKE if self._broken else _ALONE_THERE_UNLIKE
+        doubted = _doubted(similar, boxes, fused if several else None, least)
+        return Verdict(doubted, others | (boxes.keys() - heard), begun)
+
+    def _others(
+        self, similar: Mapping[str, float], boxes: Mapping[str, Box], several: bool, fused: Fused, t_ns: int
+    ) -> frozenset[str]:
+        """Trackers that are at another thing than the target, by where and how large their box is."""
+        last = _box_of(fused)
+        far = out_of_reach(boxes, last, max(0, t_ns - self._agreed_ns) * 1e-9)
+        return far | elsewhere(similar, boxes, last) if several else far
 
     def likeness(self, grey: np.ndarray, box: Box) -> float:
         """Relative similarity of a box, less where it correlates with no known patch of the target, 0 to 1.
@@ -96,17 +131,36 @@ class Witness:
         similarity, correlation = self._appearance.similarity(upright_patch(grey, box))
         return similarity * min(1.0, max(0.0, correlation / _CORRELATED))
 
+    def _clearness(self, grey: np.ndarray, t_ns: int) -> float:
+        """How much detail the whole picture has against what is usual, `_LEAST_CLEAR` to 1.
+
+        In a picture that is blurred or dark as a whole, nothing looks as it did, the target no less than the rest.
+        """
+        small = cv2.resize(grey, None, fx=_SHRINK, fy=_SHRINK, interpolation=cv2.INTER_AREA)
+        detail = float(cv2.Laplacian(small, cv2.CV_32F).std())
+        share = -math.expm1(-max(0, t_ns - self._looked_ns) * 1e-9 / _DETAIL_MEMORY_S)
+        self._detail = detail if self._detail == 0.0 else self._detail + share * (detail - self._detail)
+        self._looked_ns = t_ns
+        return min(1.0, max(_LEAST_CLEAR, _CLEAR * detail / max(self._detail, 1e-6)))
+
     def learn(self, grey: np.ndarray, box: Box, fused: Fused) -> None:
         """Learn the fused box where trackers that agree speak for it, and from time to time what else is like it."""
         self._number += 1
+        if agreed(fused) or (self._broken and self.likeness(grey, box) >= _SURELY):
+            self._broken = False
         if agreed(fused):
+            self._agreed_ns = fused.t_ns
             self._appearance.learn_target(upright_patch(grey, box))
             if self._number % _BACKGROUND_EVERY == 0:
                 self._learn_background(grey, box)
 
     def vouches(self, grey: np.ndarray, box: Box, fused: Fused) -> bool:
-        """Whether trackers may be put on the fused box: several speak for it, or it looks like the target."""
-        return agreed(fused) or self.likeness(grey, box) >= _ALONE_UNLIKE
+        """Whether trackers may be put on the fused box: several speak for it, or it looks like the target.
+
+        Not where one alone has found it after the answer broke off: those that are put there agree at once, and what
+        they agree on would be learned.
+        """
+        return agreed(fused) or (not self._broken and self.likeness(grey, box) >= _ALONE_UNLIKE)
 
     def _choose(
         self, similar: Mapping[str, float], boxes: Mapping[str, Box], fused: Fused | None, t_ns: int
@@ -134,7 +188,9 @@ class Witness:
                 self._appearance.learn_background(upright_patch(grey, candidate.box))
 
 
-def _doubted(similar: Mapping[str, float], boxes: Mapping[str, Box], fused: Fused | None) -> frozenset[str]:
+def _doubted(
+    similar: Mapping[str, float], boxes: Mapping[str, Box], fused: Fused | None, there: float
+) -> frozenset[str]:
     """Trackers whose box looks less like the target than one elsewhere does, or like nothing known.
 
     Of boxes at one place the witness cannot judge: what turns away, and grows, looks most like the past in the box that
@@ -144,12 +200,13 @@ def _doubted(similar: Mapping[str, float], boxes: Mapping[str, Box], fused: Fuse
         similar: likeness of each tracker's box.
         boxes: the same trackers' boxes, px.
         fused: the last answer; None without one, or where there is one tracker alone anyway.
+        there: least likeness of one that is alone, and is where the answer was.
     """
     best = max(similar.values(), default=0.0)
     least = _UNLIKE
     if len(boxes) == 1 and fused is not None:
         (box,) = boxes.values()
-        least = _ALONE_THERE_UNLIKE if jaccard(box, _box_of(fused)) > _SAME else _ALONE_UNLIKE
+        least = there if jaccard(box, _box_of(fused)) > _SAME else max(there, _ALONE_UNLIKE)
     unlike = {n for n, s in similar.items() if s < least or (s < _DOUBTFUL and s < best - _CLEARLY)}
     return frozenset(name for name in unlike if not set(_same_as(name, boxes)) - unlike)
 

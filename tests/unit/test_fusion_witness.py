@@ -15,11 +15,12 @@ GREY = cv2.GaussianBlur(np.random.default_rng(0).integers(0, 255, (240, 320), np
 BOX: Box = (100.0, 80.0, 40.0, 30.0)
 LARGER: Box = (94.0, 78.0, 52.0, 34.0)
 ELSEWHERE: Box = (220.0, 150.0, 40.0, 30.0)
+NEARBY: Box = (116.0, 88.0, 40.0, 30.0)
 
 
 def _fused(state: FusionState, *reliabilities: float) -> Fused:
     sources = {f"m{i}": Judgement(r, 0.0, 0.0, 0.0, 0.0, np.ones(4)) for i, r in enumerate(reliabilities)}
-    return Fused(0, state, np.zeros(4), np.zeros(4), np.eye(8), 0.9, sources, ())
+    return Fused(0, state, np.array([120.0, 95.0, 30.0, 40.0]), np.zeros(4), np.eye(8), 0.9, sources, ())
 
 
 def test_a_box_elsewhere_that_looks_like_nothing_known_is_doubted_and_one_at_the_same_place_is_not() -> None:
@@ -35,14 +36,16 @@ def test_a_box_elsewhere_that_looks_like_nothing_known_is_doubted_and_one_at_the
 def test_after_a_while_without_support_the_most_similar_speaks_with_those_that_agree() -> None:
     witness = Witness(GREY, BOX, 0)
     boxes: dict[str, Box] = {"a": BOX, "same": LARGER, "b": ELSEWHERE}
-    lost = _fused("predicted")
-    assert not witness.judge(GREY, boxes, True, lost, 50_000_000).silent
-    verdict = witness.judge(GREY, boxes, True, lost, 100_000_000)
+    lost, second = _fused("predicted"), 1_000_000_000
+    witness.judge(GREY, boxes, True, _fused("tracking", 1.0, 0.1), second)
+    assert not witness.judge(GREY, {"a": BOX, "b": NEARBY}, True, lost, second + 50_000_000).silent
+    verdict = witness.judge(GREY, boxes, True, lost, second + 100_000_000)
     assert verdict.silent == {"b"}
     assert set(verdict.begun) == {"a", "same"}
-    again = witness.judge(GREY, boxes, True, lost, 150_000_000)
+    again = witness.judge(GREY, boxes, True, lost, second + 150_000_000)
     assert (again.silent, again.begun) == ({"b"}, ())
-    assert not witness.judge(GREY, boxes, True, _fused("tracking", 1.0, 1.0), 200_000_000).silent
+    nearby: dict[str, Box] = {"a": BOX, "b": NEARBY}
+    assert not witness.judge(GREY, nearby, True, _fused("tracking", 1.0, 1.0), second + 200_000_000).silent
 
 
 def test_it_learns_only_where_two_agree_and_then_vouches_for_what_it_learned() -> None:
@@ -77,3 +80,27 @@ def test_a_box_that_touches_the_edge_is_not_whole() -> None:
         (100.0, 130.0, 40.0, 115.0),
     ):
         assert not whole(cut, shape)
+
+
+def test_after_the_answer_broke_off_one_alone_must_be_surer_and_nobody_is_put_on_it() -> None:
+    half = GREY.copy()
+    half[80:110, 100:130] = GREY[20:50, 20:50]  # something covers a part
+    witness = Witness(GREY, BOX, 0)
+    witness.learn(GREY, BOX, _fused("tracking", 1.0, 0.9))
+    likeness = witness.likeness(half, BOX)
+    assert 0.4 < likeness < 0.6
+    tracking, lost = _fused("tracking", 1.0, 0.1), _fused("predicted")
+    assert not witness.judge(half, {"a": BOX}, True, tracking, 50_000_000).doubted
+    assert witness.judge(half, {"a": BOX}, True, lost, 300_000_000).doubted == {"a"}
+    assert not witness.vouches(GREY, BOX, tracking)
+    witness.learn(GREY, BOX, tracking)  # a sure look mends it
+    assert witness.vouches(GREY, BOX, tracking)
+
+
+def test_in_a_picture_that_is_blurred_as_a_whole_less_likeness_is_asked() -> None:
+    blurred, tracking = cv2.GaussianBlur(GREY, (0, 0), 30.0), _fused("tracking", 1.0, 0.1)
+    used_to_detail, used_to_blur = Witness(GREY, BOX, 0), Witness(GREY, BOX, 0)
+    assert 0.15 < used_to_detail.likeness(blurred, BOX) < 0.3
+    used_to_blur.judge(blurred, {}, True, tracking, 60_000_000_000)
+    assert not used_to_detail.judge(blurred, {"a": BOX}, True, tracking, 50_000_000).doubted
+    assert used_to_blur.judge(blurred, {"a": BOX}, True, tracking, 60_050_000_000).doubted == {"a"}

@@ -1,0 +1,66 @@
+"""Where the target can be by its own motion: what tells it from another thing that looks the same.
+
+Boxes are those of a camera that holds still but for the last answer, which has been moved with the picture already
+(`camera_motion`). So a target moves evenly there, and a box far off is of another thing, however alike.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from common.evaluation import jaccard
+from common.tracking.base import Box
+
+_REACH, _SPEED = 1.5, 5.0
+"""How far from the answer the target may be found: target sizes, and more for each second since two agreed on it."""
+_GROWN, _GROWTH = 0.5, 1.0
+"""By how much its size may differ, logarithm, and the same for each second."""
+_THERE = 0.4
+"""Overlap with the answer above which a tracker is where the target was expected."""
+_APART = 0.2
+"""Overlap with the answer below which it is at another thing."""
+_LIKE = 0.5
+"""Least likeness of one that is where the target was expected for the others to be doubted."""
+_CLEARLY = 0.1
+"""By how much more alike another must be to be heard beside it."""
+
+
+def out_of_reach(boxes: Mapping[str, Box], last: Box, since_s: float) -> frozenset[str]:
+    """Trackers whose box is further from the last answer, or of another size, than the target can have come by itself.
+
+    Args:
+        boxes: of each tracker that sees the target, px.
+        last: the answer, moved with the picture, px.
+        since_s: time since two trackers last agreed on it, s.
+    """
+    size = math.sqrt(max(1.0, last[2] * last[3]))
+    reach_px, grown = size * (_REACH + _SPEED * since_s), _GROWN + _GROWTH * since_s
+    u, v = _center(last)
+
+    def beyond(box: Box) -> bool:
+        x, y = _center(box)
+        return math.hypot(x - u, y - v) > reach_px or abs(math.log(math.sqrt(box[2] * box[3]) / size)) > grown
+
+    return frozenset(name for name, box in boxes.items() if beyond(box))
+
+
+def elsewhere(similar: Mapping[str, float], boxes: Mapping[str, Box], last: Box) -> frozenset[str]:
+    """Trackers elsewhere than the answer, where another is there, looks like the target, and hardly less so than they.
+
+    Two that find the same other thing agree with each other; that it looks the same is no reason to leave the one that
+    has gone on where the target was expected.
+
+    Args:
+        similar: likeness of each tracker's box, 0 to 1.
+        boxes: the same trackers' boxes, px.
+        last: the answer, moved with the picture, px.
+    """
+    best = max((similar[name] for name, box in boxes.items() if jaccard(box, last) > _THERE), default=0.0)
+    if best < _LIKE:
+        return frozenset()
+    return frozenset(n for n, box in boxes.items() if jaccard(box, last) < _APART and similar[n] < best + _CLEARLY)
+
+
+def _center(box: Box) -> tuple[float, float]:
+    return box[0] + box[2] / 2, box[1] + box[3] / 2

@@ -1,0 +1,27 @@
+"""What the target's own motion rules out: boxes out of reach, of another size, and things alike elsewhere."""
+
+from __future__ import annotations
+
+from common.tracking.base import Box
+from onboard.fusion.prior import elsewhere, out_of_reach
+
+LAST: Box = (100.0, 100.0, 40.0, 40.0)
+NEAR: Box = (110.0, 95.0, 40.0, 40.0)
+TWIN: Box = (150.0, 130.0, 40.0, 40.0)
+FAR: Box = (300.0, 100.0, 40.0, 40.0)
+HUGE: Box = (60.0, 60.0, 130.0, 130.0)
+
+
+def test_what_is_too_far_or_too_large_is_another_thing_until_time_has_passed() -> None:
+    boxes = {"near": NEAR, "twin": TWIN, "far": FAR, "huge": HUGE}
+    assert out_of_reach(boxes, LAST, 0.0) == {"far", "huge"}
+    assert out_of_reach(boxes, LAST, 0.6) == {"far", "huge"}
+    assert out_of_reach(boxes, LAST, 0.8) == set()
+
+
+def test_two_at_a_twin_do_not_outvote_the_one_that_went_on_where_the_target_was_expected() -> None:
+    boxes = {"here": NEAR, "a": TWIN, "b": TWIN}
+    assert elsewhere({"here": 0.8, "a": 0.85, "b": 0.7}, boxes, LAST) == {"a", "b"}
+    assert elsewhere({"here": 0.8, "a": 0.95, "b": 0.7}, boxes, LAST) == {"b"}, "one clearly more alike is heard"
+    assert not elsewhere({"here": 0.4, "a": 0.45, "b": 0.3}, boxes, LAST), "what is there does not look like it either"
+    assert not elsewhere({"a": 0.85, "b": 0.7}, {"a": TWIN, "b": TWIN}, LAST), "nobody is there"
