@@ -19,8 +19,9 @@ from onboard.fusion.config import FusionConfig
 from onboard.fusion.drift import DriftWatch
 from onboard.fusion.expert import Expert, Opinion
 from onboard.fusion.motion import MotionFilter
-from onboard.fusion.source import Judgement, Measurement, Source
-from onboard.fusion.weights import combine, separations, severity, vote_weight
+from onboard.fusion.source import Judgement, Measurement, Source, check_measurements, check_vector
+from onboard.fusion.vote import Vote
+from onboard.fusion.weights import combine, severity, vote_weight
 
 FusionState = Literal["waiting", "tracking", "predicted", "lost"]
 _ONE_SOURCE = 0.7
@@ -32,8 +33,6 @@ _ALIKE = 0.7
 far apart."""
 _TYPICAL, _MOST_AGILE = 0.8, 10.0
 """Mean of eq. 4.3 over the number of components while nothing is wrong; and largest factor on the acceleration."""
-_HANDICAP = 1.5
-"""Distance that a voter without any standing is put further away, in switching distances of eq. 4.7."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +82,7 @@ class Fusion:
         self._drift = {name: DriftWatch(config) for name in self._experts}
         self._lost = dict.fromkeys(self._experts, False)
         self._vouches = {name: expert.source.vouches for name, expert in self._experts.items()}
-        self._standing = dict.fromkeys(self._experts, 1.0)
+        self._vote = Vote(self._vouches, config)
         self._followed: set[str] = set()
         self._agility = 1.0
         self._density = np.zeros(0)
@@ -112,7 +111,7 @@ class Fusion:
         if follow:
             self._followed.add(name)
         self._lost[name] = False
-        self._standing[name] = 1.0
+        self._vote.restore(name)
 
     def step(self, measurements: Sequence[Measurement], t_ns: int, control: np.ndarray | None = None) -> Fused:
         """Fused answer for an instant from what has arrived since the last one.
@@ -126,7 +125,10 @@ class Fusion:
             ValueError: unknown source, two measurements of one, wrong shape, no finite number, or a stamp from the
                 future or the past; nothing is changed then.
         """
-        self._check(measurements, t_ns, control)
+        if self._t_ns is not None and t_ns < self._t_ns:
+            raise ValueError(f"t_ns: got {t_ns}, expected at least the last instant, {self._t_ns}")
+        check_measurements(measurements, list(self._experts), self._size, t_ns)
+        check_vector("control", control, self._size)
         self._elapsed_s = 0.0 if self._t_ns is None else (t_ns - self._t_ns) * 1e-9
         self._t_ns = t_ns
         self._agility = 1.0 + (self._agility - 1.0) * math.exp(-self._elapsed_s / self._config.agility_memory_s)
@@ -140,28 +142,6 @@ class Fusion:
         if measurements:
             self._support(judgements, t_ns)
         return self._report(judgements, t_ns)
-
-    def _check(self, measurements: Sequence[Measurement], t_ns: int, control: np.ndarray | None) -> None:
-        if self._t_ns is not None and t_ns < self._t_ns:
-            raise ValueError(f"t_ns: got {t_ns}, expected at least the last instant, {self._t_ns}")
-        names = [m.source for m in measurements]
-        if len(set(names)) != len(names) or not set(names) <= set(self._experts):
-            raise ValueError(f"measurements: got sources {names}, expected each at most once, of {list(self._experts)}")
-        for m in measurements:
-            if m.t_ns > t_ns:
-                raise ValueError(
-                    f"measurement of {m.source!r}: got stamp {m.t_ns}, expected at most {t_ns}, the present"
-                )
-            if not math.isfinite(m.confidence):
-                raise ValueError(f"measurement of {m.source!r}: got confidence {m.confidence}, expected 0 to 1")
-            self._check_vector(f"measurement of {m.source!r}", m.value)
-        self._check_vector("control", control)
-
-    def _check_vector(self, what: str, vector: np.ndarray | None) -> None:
-        if vector is not None and (
-            np.shape(vector) != (self._size,) or not all(map(math.isfinite, np.asarray(vector).tolist()))
-        ):
-            raise ValueError(f"{what}: got {vector}, expected {self._size} finite numbers")
 
     def _hear(self, measurements: Sequence[Measurement], control: np.ndarray | None) -> dict[str, Opinion]:
         opinions = {}
@@ -222,18 +202,13 @@ class Fusion:
         self._followed -= jumped
         for name in jumped:
             self._experts[name].jump(opinions[name].value)
-            self._standing[name] = 1.0
+            self._vote.restore(name)
         if jumped and self._center is not None:
             self._center.move(np.mean([opinions[name].value for name in sorted(jumped)], axis=0))
         return jumped
 
     def _distances(self, t_ns: int) -> dict[str, float]:
-        """Distance of each source to the nearest voter that it agrees with, units; infinite without any.
-
-        Voters are the sources and, beyond the thesis, the centre's own prediction: with two sources that disagree, or
-        with all scattered, nothing but the past can tell which is right. While the answer rests on no source, the past
-        is worth less than one that vouches for itself: then such sources alone vote, if there are any.
-        """
+        """Distance of each source to the nearest voter, units (`Vote.distances`)."""
         heard = {
             name: expert.filter.ahead(t_ns, self._density)[0]
             for name, expert in self._experts.items()
@@ -241,46 +216,8 @@ class Fusion:
             and not self._lost[name]
             and t_ns - expert.filter.t_ns <= self._config.stale_after_s * 1e9
         }
-        distances = dict.fromkeys(self._experts, math.inf)
-        strong = [name for name in heard if self._vouches[name] >= self._config.support]
-        voting = strong if strong and not self._supported else list(heard)
-        with_past = voting is not strong and self._center is not None and not self._is_lost(t_ns)
-        if len(heard) < 2:
-            return distances
-        names, places = list(heard), list(heard.values())
-        voters = places if voting is not strong else [heard[name] for name in voting]
-        if with_past and self._center is not None:
-            voters = [*voters, self._center.value]
-        apart = separations(np.array(places) / self.unit, np.array(voters) / self.unit)
-        for row, name in enumerate(names):
-            if name in voting:
-                apart[row, voting.index(name)] = math.inf  # nobody votes for itself
-        self._stand(names, apart.min(axis=1))
-        votes = (apart + self._handicaps(names, voting, with_past)).min(axis=1)
-        return distances | dict(zip(names, votes.tolist(), strict=True))
-
-    def _handicaps(self, names: Sequence[str], voting: Sequence[str], with_past: bool) -> np.ndarray:
-        """How much further away each voter is put for each source, (n, m), units.
-
-        The lower standing of the two counts, and, while the answer rests on better ones, how little the voter vouches.
-        """
-        own = np.array([self._standing[name] for name in names])
-        others = np.array([self._standing[name] for name in voting] + [1.0] * with_past)
-        vouches = np.array([self._vouches[name] for name in voting] + [1.0] * with_past)
-        lower = np.minimum(own[:, None], others)
-        return _HANDICAP * self._switch * ((1.0 - lower) + (1.0 - vouches) * self._supported)
-
-    def _stand(self, names: Sequence[str], distances: np.ndarray) -> None:
-        """Let the standing of each source follow whether it agrees with anyone at all."""
-        config = self._config
-        for name, distance in zip(names, distances.tolist(), strict=True):
-            if not math.isfinite(distance):
-                self._standing[name] = 1.0  # it alone vouches for the answer: it begins a new past
-                continue
-            agreement = 0.5 * (1.0 - math.tanh(config.vote_slope * distance - config.vote_lambda))
-            rises = agreement > self._standing[name]
-            share = -math.expm1(-self._elapsed_s / (config.standing_rise_s if rises else config.standing_fall_s))
-            self._standing[name] += share * (agreement - self._standing[name])
+        past = None if self._center is None or self._is_lost(t_ns) else self._center.value
+        return self._vote.distances(heard, past, self.unit, self._supported, self._elapsed_s)
 
     def _fuse(self, opinions: Mapping[str, Opinion], judgements: Mapping[str, Judgement], t_ns: int) -> None:
         if not opinions:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -61,3 +62,29 @@ class Judgement:
     variance: np.ndarray = field(repr=False)
     """Diagonal (N,) of R_vv, eq. 4.8, in measurement units squared; the source counts with it, less still while it
     hesitates."""
+
+
+def check_measurements(measurements: Sequence[Measurement], sources: Sequence[str], size: int, t_ns: int) -> None:
+    """Raise ValueError unless each is of a known source, of which there is one, of this size, finite, and of the past.
+
+    Args:
+        measurements: of one step.
+        sources: names that are known.
+        size: number of components.
+        t_ns: the present, ns.
+    """
+    names = [m.source for m in measurements]
+    if len(set(names)) != len(names) or not set(names) <= set(sources):
+        raise ValueError(f"measurements: got sources {names}, expected each at most once, of {list(sources)}")
+    for m in measurements:
+        if m.t_ns > t_ns:
+            raise ValueError(f"measurement of {m.source!r}: got stamp {m.t_ns}, expected at most {t_ns}, the present")
+        if not math.isfinite(m.confidence):
+            raise ValueError(f"measurement of {m.source!r}: got confidence {m.confidence}, expected 0 to 1")
+        check_vector(f"measurement of {m.source!r}", m.value, size)
+
+
+def check_vector(what: str, vector: np.ndarray | None, size: int) -> None:
+    """Raise ValueError unless a vector, where there is one, has so many finite components."""
+    if vector is not None and (np.shape(vector) != (size,) or not all(map(math.isfinite, np.asarray(vector).tolist()))):
+        raise ValueError(f"{what}: got {vector}, expected {size} finite numbers")
