@@ -119,6 +119,8 @@ class Witness:
         self, similar: Mapping[str, float], boxes: Mapping[str, Box], several: bool, fused: Fused, t_ns: int
     ) -> frozenset[str]:
         """Trackers that are at another thing than the target, by where and how large their box is."""
+        if fused.state == "lost":
+            return frozenset()  # where it is predicted says nothing any more
         last = _box_of(fused)
         far = out_of_reach(boxes, last, max(0, t_ns - self._agreed_ns) * 1e-9)
         return far | elsewhere(similar, boxes, last) if several else far

@@ -48,6 +48,12 @@ def test_after_a_while_without_support_the_most_similar_speaks_with_those_that_a
     assert not witness.judge(GREY, nearby, True, _fused("tracking", 1.0, 1.0), second + 200_000_000).silent
 
 
+def test_what_is_out_of_reach_is_not_heard_unless_the_target_is_lost_anyway() -> None:
+    boxes: dict[str, Box] = {"a": ELSEWHERE, "b": ELSEWHERE}
+    assert Witness(GREY, BOX, 0).judge(GREY, boxes, True, _fused("predicted"), 50_000_000).silent == {"a", "b"}
+    assert not Witness(GREY, BOX, 0).judge(GREY, boxes, True, _fused("lost"), 50_000_000).silent
+
+
 def test_it_learns_only_where_two_agree_and_then_vouches_for_what_it_learned() -> None:
     witness = Witness(GREY, BOX, 0)
     alone, both = _fused("tracking", 1.0, 0.1), _fused("tracking", 1.0, 0.9)
