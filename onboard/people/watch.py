@@ -29,8 +29,6 @@ _PARTLY = 0.25
 """What is new at the picture's edge can wait for what is new and whole."""
 _LYING_M, _LONG_M, _WIDE_M, _HEAD_M2 = 0.6, (1.1, 2.6), 0.25, 0.08
 """Height, lengths and least width of somebody who lies, m; largest head from above, m²."""
-_UNBROKEN_S = 0.35
-"""Sight of somebody is unbroken over gaps up to this."""
 _ONE = 0.5
 """Boxes that share more than this (IoU) are of one person."""
 _NEWEST_WAY = 0.5
@@ -207,13 +205,10 @@ class Watch:
                 spot.number = into
 
     def _distance(self, spot: Spot, b: Sight, t_ns: int) -> float:
-        """0 for the same place, 1 where the same region cannot be. Who was out of sight comes back as a body, or has to
-        be found again: what lies where they were may be somebody else."""
+        """0 for the same place, 1 where the same region cannot be."""
         a = spot.sight
         if b.body is not None and spot.number:
             return 0.0 if spot.number == b.body.number else 1.0
-        if spot.number and t_ns - spot.seen_ns > _UNBROKEN_S * 1e9:
-            return 1.0
         if spot.number and spot.posed is not None and _other_height(spot.posed.region, b.region):
             return 1.0
         if a.ned_p_m is not None and b.ned_p_m is not None:

@@ -41,15 +41,6 @@ def test_a_plank_where_somebody_stood_is_not_them():
     assert spot.number == 1, "the picture may end below the head"
 
 
-def test_after_a_while_out_of_sight_they_have_to_be_found_again():
-    (spot,) = _watched(0.3).follow([_sight(0.3)], SECOND // 5)
-    assert spot.number == 1
-    watch = _watched(0.3)
-    watch.follow([], SECOND // 5)
-    (spot,) = watch.follow([_sight(0.3)], SECOND // 2)
-    assert spot.number == 0 and len(watch.spots) == 2
-
-
 def _boxed(x: float, y: float = 100.0) -> Sight:
     """A region of a detector: a box, no place."""
     region = region_of(STANDING)
