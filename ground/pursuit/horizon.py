@@ -118,7 +118,9 @@ class Horizon:
         transition = np.stack((step, step))
         transition[_LEVEL, [_TILT, _SHORT]] *= np.exp(-1j * yaw_rate_rad_s * dt_s)
         walk = np.square([_GYRO_RAD_RTS, _BIAS_WALK, _FORCE_RTS, 0.0])
-        self._covariance = transition @ self._covariance @ transition.conj().mT + np.diag(walk * dt_s)
+        carried = transition @ self._covariance @ transition.conj().mT + np.diag(walk * dt_s)
+        # What rounding leaves that is not Hermitian grows with every correction, and would end the filter in minutes.
+        self._covariance = (carried + carried.conj().mT) / 2
 
     def _carry(self, before: Array, quat: Array, dt_s: float, velocity: Array | None, force: Array | None) -> None:
         """Carry the velocity on by the specific force between two attitudes; begin with it; or do without it."""
@@ -141,7 +143,7 @@ class Horizon:
     def _correct(self, row: int, measured: Array, dt_s: float) -> Array:
         """Take in what a row's error is in the body's axes, (3,). Returns how far to turn the attitude, (3,), rad."""
         column = self._covariance[:, :, row]
-        gain = column / (column[:, row] + self._densities[row] / dt_s)[:, None]
+        gain = column / (np.real(column[:, row]) + self._densities[row] / dt_s)[:, None]
         if row == _SHORT:
             gain[_HEADING] = 0.0
         self._covariance = self._covariance - gain[:, :, None] * column.conj()[:, None, :]

@@ -87,3 +87,18 @@ def test_a_gap_in_the_telemetry_begins_anew() -> None:
         horizon.update(level, np.zeros(3), index * 20_000_000)
     tilted = quat_from_euler(0.3, 0.0, 0.0)
     assert horizon.update(tilted, np.zeros(3), 5_000_000_000) == pytest.approx(tilted)
+
+
+def test_it_lasts_for_hours() -> None:
+    rng = np.random.default_rng(7)
+    horizon, yaw_rad, step_s = Horizon(NOISE_RAD, NOISE_S), 0.0, 0.1
+    truth = said = np.zeros(4)
+    for index in range(6000):
+        rate_rad_s = 0.6 * math.sin(0.02 * index)
+        yaw_rad += (rate_rad_s + 0.6 * math.sin(0.02 * (index - 1))) / 2 * step_s
+        truth = quat_from_euler(0.0, 0.0, yaw_rad)
+        estimate = quat_multiply(truth, quat_exp(rng.normal(0.0, NOISE_RAD, 3)))
+        rates, force = np.array([0.0, 0.0, rate_rad_s]), np.array([0.0, 0.0, -9.80665]) + rng.normal(0.0, 0.05, 3)
+        said = horizon.update(estimate, rates, round(index * step_s * 1e9), rng.normal(0.0, 0.03, 3), force)
+        assert np.isfinite(said).all(), f"after {index * step_s:.0f} s"
+    assert 2.0 * np.linalg.norm(quat_multiply(quat_conjugate(truth), said)[1:]) < NOISE_RAD / 2
