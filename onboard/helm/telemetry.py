@@ -18,6 +18,7 @@ LINK_LOST_S = 3.0
 
 _FORCE_AGED_NS = 100_000_000  # by arrival; at 50 Hz five of them have stayed away
 
+_ACCELEROMETERS = 0b111  # of HIGHRES_IMU's fields_updated: without them its accelerations are old, or zeros
 _ARMED_FLAG = 128
 _CRITICAL = 5
 _AUTOPILOT_INVALID = 8
@@ -170,7 +171,8 @@ class TelemetryDecoder:
             self.now = replace(self.now, position=PositionSample(stamp_ns, numbers[:3], numbers[3:]))
         elif name == "HIGHRES_IMU":
             x, y, z = _numbers(m, "xacc", "yacc", "zacc")
-            self._force = (x, y, z), arrival_ns
+            if int(m["fields_updated"]) & _ACCELEROMETERS == _ACCELEROMETERS:
+                self._force = (x, y, z), arrival_ns
         elif name == "HEARTBEAT":
             self._heartbeat(m, arrival_ns)
         elif name == "CURRENT_MODE":

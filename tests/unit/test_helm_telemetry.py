@@ -24,7 +24,7 @@ ATTITUDE = {
     "yawspeed": 0.3,
 }
 POSITION = {"time_boot_ms": 1000, "x": 1.0, "y": 2.0, "z": -3.0, "vx": 0.1, "vy": 0.2, "vz": 0.3}
-IMU = {"time_usec": 1_000_000, "xacc": 0.1, "yacc": -0.2, "zacc": -9.8, "xgyro": 0.0}
+IMU = {"time_usec": 1_000_000, "xacc": 0.1, "yacc": -0.2, "zacc": -9.8, "xgyro": 0.0, "fields_updated": 0x1FFF}
 HEARTBEAT = {"autopilot": 12, "base_mode": 157, "custom_mode": 0x03040000, "system_status": 4}
 
 
@@ -79,6 +79,12 @@ def test_an_attitude_comes_with_the_newest_accelerometers_while_they_are_told():
     for later_ms, expected in ((20, (0.1, -0.2, -9.8)), (200, None)):
         sample = decoder.feed("ATTITUDE_QUATERNION", json.dumps(ATTITUDE), (9_000 + later_ms) * _MS)
         assert sample and sample.body_f_m_s2 == expected
+
+
+def test_accelerometers_that_are_not_told_anew_are_not_believed():
+    decoder = _decoder(("HIGHRES_IMU", {**IMU, "xacc": 0.0, "yacc": 0.0, "zacc": 0.0, "fields_updated": 0x1FF8}))
+    sample = decoder.feed("ATTITUDE_QUATERNION", json.dumps(ATTITUDE), 9_000 * _MS)
+    assert sample and sample.body_f_m_s2 is None
 
 
 def test_a_forwarded_ground_station_is_not_the_autopilot():
