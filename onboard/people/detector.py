@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from functools import cache
-from pathlib import Path
 from types import MappingProxyType
 
 import cv2
@@ -13,6 +12,7 @@ import numpy as np
 
 from common.config import ConfigError
 from common.geometry.rotation import Array
+from onboard.people.network_file import read_network
 from onboard.people.pipeline_config import DetectorConfig
 from onboard.people.pose import Picture
 from onboard.people.regions import Box, Region
@@ -115,17 +115,8 @@ class PersonDetector:
 
     def __init__(self, config: DetectorConfig):
         self._config = config
-        path = Path(config.file)
-        if not path.is_file():
-            raise ConfigError(
-                f"detector.file: {config.file!r} does not exist; expected an ONNX or TFLite person detector"
-            )
-        engine = cv2.dnn.ENGINE_CLASSIC if config.engine == "classic" else cv2.dnn.ENGINE_NEW
-        read = cv2.dnn.readNetFromTFLite if path.suffix == ".tflite" else cv2.dnn.readNetFromONNX
-        try:
-            self._net = read(str(path), engine)
-        except cv2.error as error:
-            raise ConfigError(f"detector.file: OpenCV cannot read {config.file!r} ({str(error).strip()})") from None
+        expected = "an ONNX or TFLite person detector"
+        self._net = read_network(config.file, config.engine, "detector.file", expected)
         names = list(self._net.getUnconnectedOutLayersNames())
         for key, name in (("output", config.output), ("scores", config.scores)):
             if name and name not in names:

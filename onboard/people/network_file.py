@@ -1,4 +1,4 @@
-"""A pretrained network that set-up takes out of somebody's package: where it lies, and that it is that file."""
+"""Files of pretrained networks: those that set-up takes out of somebody's package, and how any is read."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ import hashlib
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
+
+import cv2
 
 from common.config import ConfigError
 
@@ -59,3 +62,25 @@ class NetworkFile:
         found = hashlib.sha256(content).hexdigest()
         if found != self.sha256:
             raise ConfigError(f"{self.what}: {whose} SHA-256 {found}, expected {self.sha256}; {what_to_do}")
+
+
+def read_network(file: str, engine: Literal["classic", "new"], key: str, expected: str) -> cv2.dnn.Net:
+    """A network of an ONNX or TFLite file, in OpenCV.
+
+    Args:
+        file: its path.
+        engine: which of OpenCV's engines runs it: they differ in what they compute.
+        key: what named the file, for messages.
+        expected: what it should be, for messages.
+
+    Raises:
+        ConfigError: it is not there, or cannot be read.
+    """
+    path = Path(file)
+    if not path.is_file():
+        raise ConfigError(f"{key}: {file!r} does not exist; expected {expected}")
+    read = cv2.dnn.readNetFromTFLite if path.suffix == ".tflite" else cv2.dnn.readNetFromONNX
+    try:
+        return read(str(path), cv2.dnn.ENGINE_CLASSIC if engine == "classic" else cv2.dnn.ENGINE_NEW)
+    except cv2.error as error:
+        raise ConfigError(f"{key}: OpenCV cannot read {file!r} ({str(error).strip()})") from None

@@ -16,6 +16,7 @@ import numpy as np
 from common.config import ConfigError, Section, build, read_toml
 from common.geometry.rotation import Array
 from common.messages import JOINTS
+from onboard.people.network_file import read_network
 from onboard.people.pose import Picture
 
 
@@ -98,19 +99,12 @@ class PoseNetwork:
 
     def __init__(self, model: PoseModel):
         self.model = model
-        path = Path(model.file)
-        if not path.is_file():
-            raise ConfigError(f"pose model: {path} does not exist; scripts/setup.sh fetches BlazePose")
-        engine = cv2.dnn.ENGINE_CLASSIC if model.engine == "classic" else cv2.dnn.ENGINE_NEW
-        read = cv2.dnn.readNetFromTFLite if path.suffix == ".tflite" else cv2.dnn.readNetFromONNX
-        try:
-            self._net = read(str(path), engine)
-        except cv2.error as error:
-            raise ConfigError(f"pose model: OpenCV cannot read {path} ({str(error).strip()})") from None
+        expected = "a pose network; scripts/setup.sh fetches BlazePose"
+        self._net = read_network(model.file, model.engine, "pose model", expected)
         names = set(self._net.getUnconnectedOutLayersNames())
         for wanted in filter(None, (model.output, model.presence)):
             if wanted not in names:
-                raise ConfigError(f"pose model: {path} has no output {wanted!r}, only {sorted(names)}")
+                raise ConfigError(f"pose model: {model.file!r} has no output {wanted!r}, only {sorted(names)}")
 
     def __call__(self, crop: Picture) -> tuple[Array, Array, float]:
         """Joints (15, 2) in px of a crop (size, size, 3), BGR, their confidences (15,), and the presence."""

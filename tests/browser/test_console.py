@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, expect
 
 from common.messages import MemberBox, PreflightItem, Reply
 from common.session import BusConfig
@@ -241,11 +241,11 @@ def test_page_says_so_when_the_console_hangs(browser: Browser, own_console: Cons
     view = open_view(browser, own_console.url)
     time.sleep(2.0)
     lost = view.page.get_by_text("NO CONNECTION TO THE CONSOLE")
-    lost.wait_for(state="hidden", timeout=WAIT_MS)  # a busy machine may have held up a beat
+    expect(lost).to_be_hidden(timeout=WAIT_MS)  # a busy machine may have held up a beat
     os.kill(own_console.process.pid, signal.SIGSTOP)
-    lost.wait_for(state="visible", timeout=10_000)
+    expect(lost).to_be_visible(timeout=10_000)
     os.kill(own_console.process.pid, signal.SIGCONT)
-    lost.wait_for(state="hidden", timeout=WAIT_MS)
+    expect(lost).to_be_hidden(timeout=WAIT_MS)
     view.page.close()
 
 
