@@ -35,8 +35,15 @@ class Autopilot:
     def check(self, *arguments: str) -> subprocess.Popen[bytes]:
         return _outrider(self.folder / "conformance.log", "conformance", self.url, *arguments)
 
-    def log(self) -> str:
-        return (self.folder / "conformance.log").read_text(errors="replace")
+    def log(self, of: str = "conformance") -> str:
+        return (self.folder / f"{of}.log").read_text(errors="replace")
+
+    def wait_ready(self) -> None:
+        """Until it flies: on a busy machine it starts more slowly than the checks, which wait for 8 s alone."""
+        start_s = time.monotonic()
+        while "cycles a second" not in self.log("autopilot"):
+            assert time.monotonic() - start_s < 60 and self.process.poll() is None, self.log("autopilot")
+            time.sleep(0.1)
 
 
 def _outrider(log: Path, *arguments: str) -> subprocess.Popen[bytes]:
@@ -57,6 +64,8 @@ def autopilots(tmp_path: Path) -> Iterator[list[Autopilot]]:
         folder = tmp_path / f"drag{drag}"
         folder.mkdir()
         made.append(Autopilot(folder, drag))
+    for autopilot in made:
+        autopilot.wait_ready()
     yield made
     for autopilot in made:
         autopilot.process.send_signal(signal.SIGINT)
