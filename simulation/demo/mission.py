@@ -19,14 +19,13 @@ from common.bus import Bus
 from common.header import Received
 from common.messages import Command, HelmStatus, Track
 from common.truth import Truth
-from simulation.demo.operator import MissionFailed, Operator
+from simulation.demo.operator import MissionFailed, Operator, insist
 from simulation.demo.report import ChaseRecorder, Criteria
 
 log = logging.getLogger(__name__)
 
 _HEIGHT_M = 5.0
 _LINE_EVERY_S = 10.0
-_DRAWN_TIMES, _DRAWN_AGAIN_S = 4, 0.5
 
 
 class ChaseMission(Operator):
@@ -102,14 +101,7 @@ class ChaseMission(Operator):
         Raises:
             MissionFailed: it was refused, on later pictures too: a machine that stood still keeps none of that time.
         """
-        for tries_left in reversed(range(_DRAWN_TIMES)):
-            try:
-                self._draw()
-            except MissionFailed:
-                if not tries_left or self.stop.wait(_DRAWN_AGAIN_S):
-                    raise
-            else:
-                break
+        insist(self._draw, self.stop)
         self.recorder.selections += 1
 
     def _draw(self) -> None:

@@ -17,10 +17,31 @@ log = logging.getLogger(__name__)
 _READY_S = 60.0
 _LANDED_S = 60.0
 _STICK_PERIOD_S = 0.05
+_TIMES, _AGAIN_S = 4, 0.5
 
 
 class MissionFailed(RuntimeError):
     """A step of the mission did not work; the text says which, and what was answered."""
+
+
+def insist(step: Callable[[], object], stop: threading.Event) -> None:
+    """Do what a machine that stands still for a moment may have refused; up to four times, as an operator would.
+
+    Args:
+        step: to be done once.
+        stop: ends the attempts.
+
+    Raises:
+        MissionFailed: it was refused each time.
+    """
+    for tries_left in reversed(range(_TIMES)):
+        try:
+            step()
+        except MissionFailed:
+            if not tries_left or stop.wait(_AGAIN_S):
+                raise
+        else:
+            return
 
 
 class Operator:
@@ -98,9 +119,13 @@ class Operator:
         Raises:
             MissionFailed: it did not open, or the vehicle did not climb.
         """
-        self.wait("the vehicle to be ready to arm", self._ready, _READY_S, self._why_not_ready)
-        if not self.stop.is_set():
-            self.command("helm/do/takeoff", Command(height_m=height_m, operator="demo"))
+
+        def step() -> None:
+            self.wait("the vehicle to be ready to arm", self._ready, _READY_S, self._why_not_ready)
+            if not self.stop.is_set():
+                self.command("helm/do/takeoff", Command(height_m=height_m, operator="demo"))
+
+        insist(step, self.stop)  # the gate may close again between the two
 
     def wait_for_landing(self) -> None:
         """Wait until the motors stand still.
