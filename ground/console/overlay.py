@@ -50,13 +50,15 @@ class Letterbox:
 
     @classmethod
     def fit(cls, picture_width: int, picture_height: int, aspect: float) -> Letterbox:
-        """Smallest canvas with a given width to height ratio around a picture at its own size, centred."""
+        """Smallest canvas with a given width to height ratio around a picture at its own size.
+
+        It is centred, or at the top of a canvas that is taller than wide: a phone's, whose lower part the panel covers.
+        """
         aspect = min(max(aspect, _ASPECT_RANGE[0]), _ASPECT_RANGE[1])
         width = max(picture_width, round(picture_height * aspect))
         height = max(picture_height, round(picture_width / aspect))
-        return cls(
-            width, height, (width - picture_width) // 2, (height - picture_height) // 2, picture_width, picture_height
-        )
+        top = 0 if aspect < 1.0 else (height - picture_height) // 2
+        return cls(width, height, (width - picture_width) // 2, top, picture_width, picture_height)
 
     def to_picture(self, u: float, v: float) -> tuple[float, float]:
         """Picture position (x, y), px, of a canvas position in 0..1; outside the picture it is out of its range."""

@@ -15,10 +15,14 @@ POLICY = (
 )
 """Content-Security-Policy of the page."""
 FRAME = (
-    '<iframe id="outrider-stick" src="/stick" title="Operator\'s stick" scrolling="no" style="position:fixed;'
-    'left:12px;bottom:150px;width:132px;height:52px;border:0;border-radius:10px;z-index:40"></iframe>'
+    "<style>#outrider-stick{position:fixed;left:12px;bottom:150px;width:132px;height:52px;border:0;border-radius:10px;"
+    "z-index:40}#outrider-stick[data-taken]{width:316px;height:246px}"
+    "@media(max-width:576px){#outrider-stick{bottom:auto;top:8px;left:8px}"
+    "#outrider-stick[data-taken]{top:auto;bottom:8px;left:calc(50% - 158px)}}</style>"
+    '<iframe id="outrider-stick" src="/stick" title="Operator\'s stick" scrolling="no"></iframe>'
 )
-"""The frame around it, for the console's page."""
+"""The frame around it, for the console's page. On a phone it stands on the picture, and over the panel's lower part
+while the stick is taken: what the pads cover then is not the picture."""
 PAGE = """\
 <!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>Operator's stick</title>
@@ -106,10 +110,7 @@ function set(on, text) {
   button.textContent = on ? "Let go" : "Take stick";
   button.setAttribute("aria-pressed", on);
   button.title = say.textContent = text;
-  if (window.frameElement) {
-    frameElement.style.width = on ? "316px" : "132px";
-    frameElement.style.height = on ? "246px" : "52px";
-  }
+  if (window.frameElement) frameElement.toggleAttribute("data-taken", on);
 }
 
 function take() {

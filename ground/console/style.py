@@ -22,6 +22,8 @@ _SHEET = """
 .or .als{position:fixed;z-index:50;top:12px;right:RIGHTpx;width:min(360px,calc(100vw - RESTpx));
   pointer-events:none;opacity:.94}
 @media(max-width:800px){.or .als,.or .hud{position:static;width:auto}}
+@media(max-width:576px){.mantine-Paper-root:has(.or){width:100%!important}
+  .mantine-ScrollArea-content:has(.or)>div{width:100%!important}}
 .or .hud{position:fixed;z-index:30;bottom:150px;right:RIGHTpx;width:222px;padding:8px 6px;border-radius:10px;
   background:#0d1117cc;text-align:center;font-size:13px;pointer-events:none;font-variant-numeric:tabular-nums}
 .or .hud svg{display:block;margin:0 auto 4px}

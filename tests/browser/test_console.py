@@ -236,6 +236,22 @@ def test_three_d_view_and_back(view: View, vehicle: ScriptedVehicle) -> None:
     wait_for(lambda: _colourfulness(view.pixels()) > 20, what="the picture again")
 
 
+def test_on_a_phone_the_picture_stands_above_the_panel(view: View, vehicle: ScriptedVehicle) -> None:
+    size = view.page.viewport_size
+    assert size is not None
+    view.page.set_viewport_size({"width": 390, "height": 760})
+    wait_for(lambda: _colourfulness(view.pixels()[8:280]) > 20, what="the picture at the top")
+    panel = view.page.locator(".mantine-Paper-root:has(.or)").bounding_box()
+    stick = view.page.locator("#outrider-stick").bounding_box()
+    assert panel is not None
+    assert stick is not None
+    assert panel["width"] == 390
+    assert panel["y"] >= 292  # where a picture of 4:3 ends
+    assert stick["y"] + stick["height"] < panel["y"]
+    view.page.set_viewport_size(size)
+    wait_for(lambda: view.canvas()["width"] > 390, what="the wide page again")
+
+
 @pytest.mark.usefixtures("nobody_else_looks")
 def test_page_says_so_when_the_console_hangs(browser: Browser, own_console: Console, vehicle: ScriptedVehicle) -> None:
     view = open_view(browser, own_console.url)

@@ -43,6 +43,12 @@ def test_picture_lies_on_the_canvas_where_the_letterbox_says() -> None:
         assert (canvas == 200).all(axis=2).sum() == 64 * 48
 
 
+def test_picture_is_centred_or_at_the_top_of_a_tall_canvas() -> None:
+    assert (Letterbox.fit(640, 480, 1.0).top, Letterbox.fit(640, 480, 2.0).left) == (80, 160)
+    phone = Letterbox.fit(640, 480, 0.5)
+    assert (phone.top, phone.left, phone.height) == (0, 0, 1280)
+
+
 def test_drawn_box_becomes_picture_pixels() -> None:
     box = Letterbox.fit(640, 480, 1.0)  # 640 x 640, 80 px above and below
     drawn = drawn_box(Shown(box, 77, "front"), (0.25, 0.5), (0.5, 0.625))
