@@ -184,8 +184,8 @@ class Commander:
             with self._lock:
                 self._running.discard(action.label)
         ended = LastCommand(given.label, outcome, reason, given.t_ns)
-        self._note(number, ended)
         log.info("%s: %s%s", ended.label, ended.outcome, f" ({ended.reason})" if ended.reason else "")
+        self._note(number, ended)
         _quietly(report, ended)
 
     def _ask(self, action: Action, argument: Command) -> tuple[Outcome, str]:
