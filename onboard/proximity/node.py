@@ -23,6 +23,8 @@ from onboard.proximity.pose import PoseTrack
 
 log = logging.getLogger(__name__)
 _STEP_S = 0.1
+_SAY_EVERY_NS = 2_000_000_000
+"""On a machine that is too slow a sensor goes blind and sees again by the picture: the log has one line for many."""
 _LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 
 
@@ -60,6 +62,7 @@ class ProximityNode(Node):
         self._taken: dict[str, Received[Image]] = {}
         self._reports: dict[str, tuple[int, int, Report]] = {}
         self._blind: dict[str, Blind] = dict.fromkeys(self._eyes, "silent")
+        self._said: dict[str, tuple[Blind, int]] = dict.fromkeys(self._eyes, ("silent", -_SAY_EVERY_NS))
         self._counts: Counter[str] = Counter()
         if not self._eyes:
             log.info("no camera with depth in the vehicle's file: nothing to do")
@@ -123,8 +126,10 @@ class ProximityNode(Node):
         self._reports[name] = (capture_ns, t_ns, report)
         if report.blind:
             self._counts[report.blind] += 1
-        if report.blind != self._blind[name]:
-            self._blind[name] = report.blind
+        self._blind[name] = report.blind
+        said, said_ns = self._said[name]
+        if report.blind != said and t_ns - said_ns >= _SAY_EVERY_NS:
+            self._said[name] = (report.blind, t_ns)
             if report.blind:
                 log.warning("%s: the depth pictures show nothing: %s", name, report.blind.replace("_", " "))
             else:
