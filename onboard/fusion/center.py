@@ -153,7 +153,7 @@ class Fusion:
             self._lost[m.source] = m.value is None
             if m.value is not None:
                 value = np.asarray(m.value, float)
-                opinions[m.source] = expert.hear(value, m.t_ns, m.confidence, self.unit, control, self._agility)
+                opinions[m.source] = expert.hear(value, m.t_ns, m.confidence, self.unit, self._density, control)
         return opinions
 
     def _judge(self, opinions: Mapping[str, Opinion], t_ns: int) -> dict[str, Judgement]:
@@ -171,10 +171,14 @@ class Fusion:
                 far = severity(distances[name] / self._switch)
                 penalty = (vote - config.omega_0) / config.omega_0 * far
             hesitant = 1.0 + config.delta_hesitant / config.omega_0 * opinion.hesitation**2
-            base = expert.variance(self.unit)
             factor = 1.0 + penalty + (0.0 if name in jumped else opinion.penalty)
             judgements[name] = Judgement(
-                1.0 / factor, opinion.mahalanobis, opinion.weight, distances[name], vote, base * factor * hesitant
+                1.0 / factor,
+                opinion.mahalanobis,
+                opinion.weight,
+                distances[name],
+                vote,
+                opinion.base * (factor * hesitant),
             )
         return judgements
 
@@ -210,7 +214,7 @@ class Fusion:
     def _distances(self, t_ns: int) -> dict[str, float]:
         """Distance of each source to the nearest voter, units (`Vote.distances`)."""
         heard = {
-            name: expert.filter.ahead(t_ns, self._density)[0]
+            name: expert.filter.value_at(t_ns)
             for name, expert in self._experts.items()
             if expert.filter is not None
             and not self._lost[name]
@@ -281,6 +285,5 @@ class Fusion:
         expert = self._experts[name].filter
         if expert is None or self._center is None or self._lost[name]:
             return math.inf
-        ahead, _ = expert.ahead(t_ns, self._density)
-        offset = (ahead - self._center.value) / self.unit
+        offset = (expert.value_at(t_ns) - self._center.value) / self.unit
         return math.sqrt(float(offset @ offset))

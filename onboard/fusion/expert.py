@@ -28,6 +28,8 @@ class Opinion:
     """Δ w_M over ω₀, times its severity: variance that it adds, in fault-free variances."""
     sure: bool
     """Whether the source's own confidence was at its threshold or above."""
+    base: np.ndarray
+    """Fault-free variance of its source, (N,), measurement units squared."""
     begins: bool
     """Whether its source has no past that could foresee it."""
     hesitation: float
@@ -55,10 +57,6 @@ class Expert:
         """Stamp of its newest measurement, ns."""
         return None if self.filter is None else self.filter.t_ns
 
-    def variance(self, unit: np.ndarray) -> np.ndarray:
-        """Fault-free variance of its source, (N,), measurement units squared."""
-        return (self._noise * unit) ** 2
-
     def forget(self) -> None:
         """Begin anew with the next measurement: the source was started again, or elsewhere."""
         self.filter = None
@@ -74,8 +72,8 @@ class Expert:
         t_ns: int,
         confidence: float,
         unit: np.ndarray,
+        density: np.ndarray,
         control: np.ndarray | None = None,
-        agility: float = 1.0,
     ) -> Opinion:
         """Judge a measurement against the prediction, and take it in with the weight that it deserves.
 
@@ -87,14 +85,14 @@ class Expert:
             t_ns: its stamp, ns, not before the one before.
             confidence: the source's own, 0 to 1.
             unit: size of one unit in the measurement's components, (N,).
+            density: spectral density of the model's acceleration, (N,), measurement units²/s³.
             control: known acceleration, (N,), measurement units/s².
-            agility: factor on the acceleration of the model: jumps were seen of late.
         """
-        config, base = self._config, self.variance(unit)
+        config, base = self._config, (self._noise * unit) ** 2
         begins = self.filter is None or t_ns - self.filter.t_ns > config.forget_after_s * 1e9
         if self.filter is None or begins:
             self.filter = MotionFilter(value, t_ns, np.sqrt(base), config.start_rate * unit)
-        self.filter.predict(t_ns, (config.acceleration * agility * unit) ** 2, control)
+        self.filter.predict(t_ns, density, control)
         distance = mahalanobis(*self.filter.innovation(value, base))
         weight = outlier_weight(distance, config.outlier_zeta / self._switch, config.outlier_zeta)
         penalty = self._delta(confidence) / config.omega_0 * weight
@@ -105,7 +103,7 @@ class Expert:
         if not begins:
             self.filter.update(value, base * (1.0 + penalty))
         return Opinion(
-            value, t_ns, distance, weight, penalty, confidence >= self.source.threshold, begins,
+            value, t_ns, distance, weight, penalty, confidence >= self.source.threshold, base, begins,
             self._hesitation(confidence),
         )  # fmt: skip
 

@@ -16,7 +16,7 @@ def mahalanobis(innovation: np.ndarray, variance: np.ndarray) -> float:
 
     It is the sum of the components' own distances, hence between the distance of eq. 4.2 and sqrt(N) times it.
     """
-    return float(np.abs(innovation / np.sqrt(variance)).sum())
+    return float(np.add.reduce(np.abs(innovation) / np.sqrt(variance)))
 
 
 @cache
@@ -60,6 +60,6 @@ def combine(values: np.ndarray, variances: np.ndarray, correlation: float) -> tu
     effective number (ΣW)² / ΣW² of the weights W = 1 / R.
     """
     weights = 1.0 / variances
-    total = weights.sum(axis=0)
-    alone = (total * total) / (weights * weights).sum(axis=0)
-    return (weights * values).sum(axis=0) / total, (1.0 + correlation * (alone - 1.0)) / total
+    total = np.add.reduce(weights)
+    alone = (total * total) / np.add.reduce(weights * weights)
+    return np.add.reduce(weights * values) / total, (1.0 + correlation * (alone - 1.0)) / total

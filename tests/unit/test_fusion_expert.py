@@ -6,12 +6,13 @@ import math
 
 import numpy as np
 import pytest
+from filterpy.kalman import KalmanFilter
 from scipy.stats import chi2
 
 from onboard.fusion.config import FusionConfig
 from onboard.fusion.drift import DriftWatch
 from onboard.fusion.expert import Expert
-from onboard.fusion.motion import MotionFilter, process_noise, transition
+from onboard.fusion.motion import MotionFilter, control_matrix, process_noise, transition
 from onboard.fusion.weights import (
     combine,
     mahalanobis,
@@ -22,6 +23,8 @@ from onboard.fusion.weights import (
     vote_weight,
 )
 from tests.unit.fusion_rig import PERIOD_NS, line, sources, standard
+
+DENSITY = np.ones(2)
 
 
 def test_outlier_weight_switches_at_zeta_over_eta() -> None:
@@ -57,21 +60,27 @@ def test_separations_of_three_points_and_two_voters() -> None:
     assert separations(points, points[:2]).tolist() == [[0.0, 1.0], [1.0, 0.0], [4.0, pytest.approx(math.sqrt(17.0))]]
 
 
-def test_a_filter_at_uneven_stamps_is_the_textbook_one_to_rounding() -> None:
+def test_a_filter_at_uneven_stamps_is_the_textbook_one_and_filterpys_to_rounding() -> None:
     rng, t_ns = np.random.default_rng(3), 0
     ours = MotionFilter(np.zeros(3), 0, np.full(3, 0.1), np.full(3, 2.0))
     state, covariance = ours.state.copy(), ours.covariance.copy()
+    plain = KalmanFilter(dim_x=6, dim_z=3)
+    plain.x, plain.P, plain.H = state.reshape(-1, 1).copy(), covariance.copy(), np.eye(3, 6)
     h, density = np.eye(3, 6), np.array([1.0, 4.0, 9.0])
     for _ in range(20):
         dt_ns, value, variance = int(rng.integers(1, 10**8)), rng.normal(size=3), rng.uniform(0.01, 1.0, 3)
-        ours.predict(t_ns := t_ns + dt_ns, density)
+        known = rng.normal(size=3)
+        ours.predict(t_ns := t_ns + dt_ns, density, known)
         ours.update(value, variance)
-        a = transition(3, dt_ns * 1e-9)
-        state, covariance = a @ state, a @ covariance @ a.T + process_noise(density, dt_ns * 1e-9)
+        a, q, b = transition(3, dt_ns * 1e-9), process_noise(density, dt_ns * 1e-9), control_matrix(3, dt_ns * 1e-9)
+        plain.predict(F=a, Q=q, B=b, u=known.reshape(-1, 1))
+        plain.update(value.reshape(-1, 1), R=np.diag(variance))
+        state, covariance = a @ state + b @ known, a @ covariance @ a.T + q
         gain = covariance @ h.T @ np.linalg.inv(h @ covariance @ h.T + np.diag(variance))
         state, covariance = state + gain @ (value - h @ state), (np.eye(6) - gain @ h) @ covariance
-    np.testing.assert_allclose(ours.state, state, rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(ours.covariance, covariance, rtol=1e-9, atol=1e-12)
+    for x, p in ((state, covariance), (plain.x[:, 0], plain.P)):
+        np.testing.assert_allclose(ours.state, x, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(ours.covariance, p, rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize(("correlation", "expected"), [(0.0, 0.25), (1.0, 1.0), (0.5, 0.625)])
@@ -104,7 +113,7 @@ def test_expert_without_outliers_is_the_standard_kalman_filter() -> None:
     config = FusionConfig(acceleration=1.0, delta=0.0)
     expert, values = Expert(sources(1)[0], config), line(60)
     for index, value in enumerate(values):
-        expert.hear(value, index * PERIOD_NS, 1.0, np.ones(2))
+        expert.hear(value, index * PERIOD_NS, 1.0, np.ones(2), DENSITY)
     assert expert.filter is not None
     np.testing.assert_allclose(expert.filter.state, standard(values, 0.1, config), atol=1e-9)
 
@@ -112,14 +121,14 @@ def test_expert_without_outliers_is_the_standard_kalman_filter() -> None:
 def test_expert_holds_at_a_spike_and_follows_a_real_jump() -> None:
     expert, values = Expert(sources(1)[0], FusionConfig(acceleration=1.0)), line(40)
     for index, value in enumerate(values):
-        expert.hear(value, index * PERIOD_NS, 1.0, np.ones(2))
+        expert.hear(value, index * PERIOD_NS, 1.0, np.ones(2), DENSITY)
     assert expert.filter is not None
     before = expert.filter.value.copy()
-    opinion = expert.hear(values[-1] + 5.0, 40 * PERIOD_NS, 1.0, np.ones(2))
+    opinion = expert.hear(values[-1] + 5.0, 40 * PERIOD_NS, 1.0, np.ones(2), DENSITY)
     assert opinion.weight > 0.99
     assert np.abs(expert.filter.value - before).max() < 0.1
     for index in range(41, 140):
-        expert.hear(np.array([7.0, 6.0]), index * PERIOD_NS, 1.0, np.ones(2))
+        expert.hear(np.array([7.0, 6.0]), index * PERIOD_NS, 1.0, np.ones(2), DENSITY)
     np.testing.assert_allclose(expert.filter.value, [7.0, 6.0], atol=0.3)
 
 
@@ -127,8 +136,8 @@ def test_low_confidence_raises_delta() -> None:
     """The thesis: 10 to 10,000 below the threshold; the filter of a lost tracker has followed it, so M says nothing."""
     config = FusionConfig(delta=10.0)
     expert = Expert(sources(1, threshold=0.5)[0], config)
-    sure = expert.hear(np.zeros(2), 0, 0.9, np.ones(2))
-    unsure = expert.hear(np.zeros(2), PERIOD_NS, 0.4, np.ones(2))
+    sure = expert.hear(np.zeros(2), 0, 0.9, np.ones(2), DENSITY)
+    unsure = expert.hear(np.zeros(2), PERIOD_NS, 0.4, np.ones(2), DENSITY)
     assert sure.mahalanobis == unsure.mahalanobis == 0.0
     assert sure.penalty < 1e-3
     assert unsure.penalty == 0.5 * 10_000.0 / 10.0

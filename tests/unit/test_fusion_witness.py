@@ -7,8 +7,8 @@ import numpy as np
 
 from common.tracking.base import Box
 from onboard.fusion.center import Fused, FusionState
+from onboard.fusion.pictures import may_move, whole
 from onboard.fusion.source import Judgement
-from onboard.fusion.tracker import may_move, whole
 from onboard.fusion.witness import Witness, agreed
 
 GREY = cv2.GaussianBlur(np.random.default_rng(0).integers(0, 255, (240, 320), np.uint8), (0, 0), 2.0)

@@ -1,0 +1,175 @@
+"""The fusion over pictures, wherever its trackers run: what is made of their answers, and where each is to search next.
+
+One place for a film (`tracker.py`) and for a flight (`live.py`): the camera's motion is taken out, answers are compared
+with what the target has looked like, fused, and learned from.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from common.tracking.base import Box, Expectation, TrackResult, upright_box
+from onboard.fusion.camera_motion import CameraMotion, expectation
+from onboard.fusion.center import Fused, Fusion
+from onboard.fusion.characters import source_of
+from onboard.fusion.config import FusionConfig
+from onboard.fusion.members import Answer
+from onboard.fusion.source import Measurement
+from onboard.fusion.witness import Verdict, Witness, agreed
+
+_LEAST_SIDE_PX = 6.0
+
+
+class PictureFusion:
+    """Fusion, witness and camera of one target.
+
+    Args:
+        names: of the trackers, in the registry.
+        config: of the fusion.
+        frame: first picture, (H, W, 3) uint8 BGR.
+        box: the target in it, px.
+        t_ns: its stamp, ns.
+    """
+
+    def __init__(self, names: Iterable[str], config: FusionConfig, frame: np.ndarray, box: Box, t_ns: int):
+        self.grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
+        """The newest picture, (H, W) uint8."""
+        self.place_px = np.zeros(2)
+        """Where the camera's motion has moved it, (2,), px."""
+        self.fused: Fused | None = None
+        """The answer, moved with the newest picture; None before any."""
+        self.said: dict[str, tuple[int, TrackResult]] = {}
+        """The stamp, ns, and the result of what each tracker said last."""
+        self._t_ns = t_ns
+        self._fusion = Fusion([source_of(name) for name in names], config)
+        self._several = len(set(names)) > 1
+        self._witness = Witness(self.grey, box, t_ns)
+        self._camera = CameraMotion()
+        self._camera.see(self.grey, t_ns)
+        self._given: dict[str, int] = {}
+        self._size = (1.0, 1.0)
+        self._fit(box[2], box[3])
+
+    @property
+    def box(self) -> Box | None:
+        """The fused box, px; None before any."""
+        if self.fused is None or self.fused.state == "waiting":
+            return None
+        u, v = float(self.fused.value[0]), float(self.fused.value[1])
+        return u - self._size[0] / 2, v - self._size[1] / 2, *self._size
+
+    @property
+    def vouched(self) -> bool:
+        """Whether trackers may be put on the fused box (`Witness.vouches`)."""
+        box, fused = self.box, self.fused
+        return box is not None and fused is not None and self._witness.vouches(self.grey, box, fused)
+
+    def look(self, frame: np.ndarray, t_ns: int) -> None:
+        """Take in the next picture, (H, W, 3) uint8 BGR, of a stamp, ns: the answer moves with it."""
+        self.grey, self._t_ns = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), t_ns
+        before, self.place_px = self.place_px, self._camera.see(self.grey, t_ns)
+        if self.fused is not None:
+            self.fused = _shifted(self.fused, self.place_px - before)
+
+    def given(self, name: str) -> None:
+        """A tracker has been given the newest picture."""
+        self._given[name] = self._t_ns
+
+    def expected(self, name: str) -> Expectation | None:
+        """What the camera has done since the picture that a tracker was given last; None where nothing is known."""
+        said, given_ns = self.said.get(name), self._given.get(name)
+        if said is None or given_ns is None:
+            return None
+        moved = self.place_px - self._camera.at(given_ns)
+        return expectation(upright_box(said[1]), moved) if moved.any() else None
+
+    def hear(self, answers: Mapping[str, Answer]) -> Fused:
+        """Fused answer for the newest picture from what was answered since the last one, to it or to earlier ones."""
+        for name, answer in answers.items():
+            if answer.result is None:
+                continue
+            if answer.result.state == "tracking" and name in self.said and self.said[name][1].state != "tracking":
+                self._fusion.forget(name)  # it has found the target again, maybe elsewhere
+            self.said[name] = (answer.t_ns, answer.result)
+        verdict = self._judge(answers)
+        measurements = []
+        for name, answer in answers.items():
+            if name in verdict.silent or (answer.result is None and answer.error):
+                measurements.append(Measurement(name, answer.t_ns, None))
+            elif answer.result is not None:
+                seen_at, doubted = self._camera.at(answer.t_ns), name in verdict.doubted
+                measurements.append(_measurement_of(name, answer.result, answer.t_ns, seen_at, doubted))
+        fused = self.fused = _shifted(self._fusion.step(measurements, self._t_ns), self.place_px)
+        if fused.state == "tracking":
+            self._fit(float(fused.value[3]), float(fused.value[2]))
+            box = self.box
+            if measurements and box is not None:
+                self._witness.learn(self.grey, box, fused)
+        return fused
+
+    def put(self, name: str) -> None:
+        """A tracker was put on the answer in the newest picture."""
+        self.given(name)
+        self._fusion.forget(name)
+
+    def _judge(self, answers: Mapping[str, Answer]) -> Verdict:
+        """What the witness thinks of the answers to this very picture; of late ones it has the picture no more."""
+        now = {n: a.result for n, a in answers.items() if a.result is not None and a.t_ns == self._t_ns}
+        if not now:
+            return Verdict()
+        boxes = {name: upright_box(result) for name, result in now.items() if result.state == "tracking"}
+        verdict = self._witness.judge(self.grey, boxes, self._several, self.fused, self._t_ns)
+        for name in verdict.begun:
+            self._fusion.forget(name, follow=True)
+        return verdict
+
+    def _fit(self, width: float, height: float) -> None:
+        self._size = (max(width, _LEAST_SIDE_PX), max(height, _LEAST_SIDE_PX))
+        self._fusion.unit = np.full(4, math.sqrt(self._size[0] * self._size[1]))
+
+
+def may_move(sees: bool, fused: Fused, box: Box, shape: tuple[int, ...]) -> bool:
+    """Whether a tracker that has drifted may be put on the fused answer, a box of a picture of this shape.
+
+    One that sees a target itself is as sure as a single other that it would be made to follow. Nor is it put on what
+    the picture's edge cuts: trackers that shrink onto what is left of the target agree there against the one that does
+    not.
+    """
+    return not sees or (agreed(fused) and whole(box, shape))
+
+
+def whole(box: Box, shape: tuple[int, ...]) -> bool:
+    """Whether a box lies inside a picture of this shape without touching its edge."""
+    return min(box[:2]) > 0.0 and box[0] + box[2] < shape[1] and box[1] + box[3] < shape[0]
+
+
+def _shifted(fused: Fused, shift_px: np.ndarray) -> Fused:
+    """The same answer moved by (2,) px in the picture."""
+    value = fused.value.copy()
+    value[:2] += shift_px
+    return replace(fused, value=value)
+
+
+def _measurement_of(name: str, answer: TrackResult, t_ns: int, place_px: np.ndarray, doubted: bool) -> Measurement:
+    """A member's answer as u, v, h, w, and its score brought to a threshold of one half, below it when doubted.
+
+    Args:
+        name: the member's.
+        answer: its answer.
+        t_ns: stamp of the picture, ns.
+        place_px: where the camera's motion has moved the picture, (2,), px: u and v are those of a still camera.
+        doubted: whether its confidence is brought below the threshold.
+    """
+    if answer.state != "tracking":
+        return Measurement(name, t_ns, None)
+    x, y, width, height = upright_box(answer)
+    confidence = min(1.0, 0.5 * answer.score / answer.score_limit) if answer.score_limit > 0 else answer.score
+    confidence *= 0.5 if doubted else 1.0
+    return Measurement(
+        name, t_ns, np.array([x + width / 2 - place_px[0], y + height / 2 - place_px[1], height, width]), confidence
+    )
