@@ -18,7 +18,7 @@ from onboard.people.association import assign
 from onboard.people.depth import Floats, Ints
 from onboard.people.pose import BONES, STANDING_M, Pose
 
-REACH_M, _LOOSE_M = 0.20, 0.35
+REACH_M, LOOSE_M = 0.20, 0.35
 """How far from the bones a body ends, m: a hand beyond the wrist, a foot; and what hangs on it and ends within the
 larger one is the body's, too."""
 _SHIFTS = 4
@@ -209,7 +209,7 @@ def hang_on(points_m: Floats, body: Body, height_m: float, camera: Camera, vehic
     """
     joints = vehicle.into_camera(camera, body.ned_joints_m)
     distances, _ = _from_bones(_flat(points_m, height_m), _flat(joints, height_m))
-    return bool((distances < _LOOSE_M * _reach(joints, height_m) / REACH_M).all())
+    return bool((distances < LOOSE_M * _reach(joints, height_m) / REACH_M).all())
 
 
 def _fitted(

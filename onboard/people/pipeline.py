@@ -26,7 +26,7 @@ from onboard.people.pose_finder import PoseFinder
 from onboard.people.pose_network import PoseNetwork
 from onboard.people.sights import DepthSearch, Sight
 from onboard.people.tracks import Detection, PeopleTracker, Track
-from onboard.people.trim import trimmed
+from onboard.people.trim import touches_more, trimmed
 from onboard.people.walk import Walks
 from onboard.people.watch import Spot, Watch
 
@@ -181,12 +181,8 @@ class PeoplePipeline:
 
         pose = self._finder.find(frame.colour, spot.sight.region, spot.expected(t_ns), stands)
         refusal = pose_refusal(pose, spot.sight.region, config, focal_px)
-        if refusal and colour is not None and pose.presence >= config.sure_presence:
-            part = trimmed(spot.sight, pose, colour, frame.vehicle)
-            if part is not None:
-                again = self._finder.again(frame.colour, pose)
-                if not pose_refusal(again, part.region, config, focal_px):
-                    spot.sight, pose, refusal = part, again, ""
+        if colour is not None and pose.presence >= config.sure_presence:
+            spot.sight, pose, refusal = self._cut_out(spot.sight, pose, refusal, frame, colour, focal_px)
         others = [other.pose_now(t_ns) for other in spots if other is not spot and self.watch.carries(other, t_ns)]
         if not refusal and any(other is not None and same_body(pose, other) for other in others):
             refusal = "the pose of somebody beside"
@@ -195,6 +191,21 @@ class PeoplePipeline:
         else:
             says = evidence(pose, spot.sight.region, config, focal_px)
             spot.found(pose, look_of(frame.colour, spot.sight.region, pose), says, t_ns)
+
+    def _cut_out(
+        self, sight: Sight, pose: Pose, refusal: str, frame: Frame, colour: Camera, focal_px: float | None
+    ) -> tuple[Sight, Pose, str]:
+        """A region without what the body with a sure pose touches, the pose there, and why that is none: a pose that is
+        refused may be of somebody in a larger region, and one that is not may be of a part of it."""
+        if not refusal and not touches_more(sight, pose, colour):
+            return sight, pose, refusal
+        part = trimmed(sight, pose, colour, frame.vehicle)
+        if part is None:
+            return sight, pose, refusal
+        own = self._finder.again(frame.colour, pose) if refusal else pose
+        if pose_refusal(own, part.region, self.config.pose_filter, focal_px):
+            return sight, pose, refusal
+        return part, own, ""
 
     def _identify(self, spots: Sequence[Spot], frame: Frame) -> tuple[Found, ...]:
         """Who is in the picture."""

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from common.geometry.camera import Camera
-from onboard.people.bodies import REACH_M, VehiclePose
+from onboard.people.bodies import LOOSE_M, REACH_M, VehiclePose
 from onboard.people.pose import BONES, Pose
 from onboard.people.regions import Mask, Region
 from onboard.people.sights import Sight
@@ -63,13 +63,30 @@ def trimmed(sight: Sight, pose: Pose, camera: Camera, vehicle: VehiclePose | Non
     return replace(sight, region=part, ned_p_m=place, points_m=points[mine], area_m2=area_m2, body=None, pose=None)
 
 
-def around_bones(pose: Pose, region: Region, reach_px: float) -> Mask:
-    """Which pixels (height, width) of a region's box lie within a reach of the bones that are seen, px."""
+def touches_more(sight: Sight, pose: Pose, camera: Camera) -> bool:
+    """Whether a region goes on where no body with a pose can: farther from all bones, seen or not, than what hangs on a
+    body does."""
+    region = sight.region
+    if region.camera_p_m is None:
+        return False
+    around = around_bones(pose, region, LOOSE_M * camera.fx_px / region.camera_p_m[2], least_seen=0.0)
+    return float((region.mask & ~around).sum()) >= _LEAST_CUT * float(region.mask.sum())
+
+
+def around_bones(pose: Pose, region: Region, reach_px: float, least_seen: float = _SEEN) -> Mask:
+    """Which pixels (height, width) of a region's box lie within a reach of the bones that are seen, px.
+
+    Args:
+        pose: whose bones.
+        region: of whose box.
+        reach_px: how far from them, px.
+        least_seen: a bone is seen if both ends have more confidence than this.
+    """
     _, _, width, height = region.box_px
     drawn = np.zeros((height, width), np.uint8)
     places = np.round(pose.joints_px - region.box_px[:2]).astype(int).clip(-4000, 4000)
     for a, b in BONES:
-        if min(pose.confidence[a], pose.confidence[b]) > _SEEN:
+        if min(pose.confidence[a], pose.confidence[b]) > least_seen:
             ends = (int(places[a, 0]), int(places[a, 1])), (int(places[b, 0]), int(places[b, 1]))
             cv2.line(drawn, *ends, 1, max(1, round(2.0 * reach_px)))
     return drawn > 0

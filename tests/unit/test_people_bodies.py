@@ -20,7 +20,7 @@ from onboard.people.pose import BONES
 from onboard.people.pose_filter import evidence, same_body
 from onboard.people.regions import Region
 from onboard.people.sights import Sight
-from onboard.people.trim import trimmed
+from onboard.people.trim import touches_more, trimmed
 from tests.unit.people_bodies import STANDING, pose, region_of
 from tests.unit.people_rig import DOWN, Knower, above, frame
 
@@ -176,6 +176,7 @@ def test_somebody_who_leans_on_a_thing_is_cut_out_of_it_by_their_bones():
     assert abs(part.region.camera_p_m[0]) < 0.1 and part.area_m2 < 0.7 * sight.area_m2
     # What is all theirs stays whole.
     assert trimmed(part, pose(joints), DOWN, None) is None
+    assert touches_more(sight, pose(joints), DOWN) and not touches_more(part, pose(joints), DOWN)
 
 
 def test_a_clear_body_says_more_than_a_small_or_doubtful_one():
