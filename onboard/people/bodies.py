@@ -27,6 +27,8 @@ _LEAST_SHARE = 0.5
 """Share of the area that they had that people must still have where they are expected."""
 _TOP_PERCENT, _LEAST_TOP = 99.0, 0.6
 """The top of what lies where somebody is expected must be at this share of their height at least."""
+_MOST_MORE_M = 0.3
+"""What is so much higher than somebody who lies or sits was is not theirs: they have got up, or a thing is there."""
 _MORE = 1.05
 """Whoever lies or sits is taken to have moved only if so many times the points are theirs then."""
 _LEAST_COLUMN = 0.3
@@ -162,7 +164,8 @@ def claims(
         joints = vehicle.into_camera(camera, body.ned_joints_m)
         if joints[:, 2].min() < 0.3 or not _near(camera, joints):
             continue
-        moved, rows = _fitted(body, joints, places, free, height_m, camera)
+        low = heights_m < body.top_m + _MOST_MORE_M
+        moved, rows = _fitted(body, joints, places, free & low, height_m, camera)
         if not len(rows) or areas_m2[rows].sum() < _LEAST_SHARE * body.area_m2:
             continue
         if np.percentile(heights_m[rows], _TOP_PERCENT) < _LEAST_TOP * body.top_m:
@@ -213,7 +216,7 @@ def hang_on(points_m: Floats, body: Body, height_m: float, camera: Camera, vehic
 
 
 def _fitted(
-    body: Body, joints_m: Array, places: Array, free: Array, height_m: float, camera: Camera
+    body: Body, joints_m: Array, places: Array, free: NDArray[np.bool_], height_m: float, camera: Camera
 ) -> tuple[Array, Ints]:
     """Joints moved across the rays until the free points around them lie as they did, and the rows of these."""
     flat, reach = _flat(joints_m, height_m), _reach(joints_m, height_m)

@@ -14,7 +14,7 @@ from onboard.people.watch import Spot
 _IN_SIGHT_S = 0.5
 """Who was seen so lately is followed wherever they go."""
 
-_CLEAR = 2.0
+CLEAR = 2.0
 """A pose that says so much, in looks, is clear."""
 
 
@@ -55,7 +55,7 @@ class Memory:
         if sight.points_m is None or camera is None or vehicle is None:
             return
         whole = sight.region.cut or not sight.region.at_edge
-        trusted = whole or (spot.evidence >= _CLEAR and number not in self._bodies)
+        trusted = whole or (spot.evidence >= CLEAR and number not in self._bodies)
         if pose is not None and spot.posed_ns == t_ns and trusted:
             size = sight.area_m2, sight.region.height_m or 0.0
             self._bodies[number] = body_of(

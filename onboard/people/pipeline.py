@@ -17,16 +17,16 @@ from onboard.people.appearance import look_of
 from onboard.people.budget import PoseBudget
 from onboard.people.depth import UnusableDepth
 from onboard.people.detector import PersonDetector
+from onboard.people.examine import examine
 from onboard.people.findings import Findings, Found, Frame
 from onboard.people.memory import Memory
 from onboard.people.pipeline_config import PeopleConfig
-from onboard.people.pose import STANDING_M, Pose
-from onboard.people.pose_filter import evidence, foreshortened_refusal, pose_refusal, same_body
+from onboard.people.pose import Pose
 from onboard.people.pose_finder import PoseFinder
 from onboard.people.pose_network import PoseNetwork
 from onboard.people.sights import DepthSearch, Sight
 from onboard.people.tracks import Detection, PeopleTracker, Track
-from onboard.people.trim import touches_more, trimmed
+from onboard.people.trim import is_part
 from onboard.people.walk import Walks
 from onboard.people.watch import Spot, Watch
 
@@ -170,42 +170,18 @@ class PeoplePipeline:
         return looks
 
     def _pose_of(self, spot: Spot, spots: Sequence[Spot], frame: Frame, with_depth: bool) -> None:
-        config, t_ns, colour = self.config.pose_filter, frame.capture_ns, self._colour
-        focal_px = 0.5 * (colour.fx_px + colour.fy_px) if with_depth and colour is not None else None
-
-        def stands(pose: Pose) -> bool:
-            """Whether a pose is that of somebody who stands: from above, another way round would say no more."""
-            if focal_px is None or (spot.sight.region.height_m or 0.0) <= STANDING_M:
-                return False
-            return not foreshortened_refusal(pose, spot.sight.region, config, focal_px)
-
-        pose = self._finder.find(frame.colour, spot.sight.region, spot.expected(t_ns), stands)
-        refusal = pose_refusal(pose, spot.sight.region, config, focal_px)
-        if colour is not None and pose.presence >= config.sure_presence:
-            spot.sight, pose, refusal = self._cut_out(spot.sight, pose, refusal, frame, colour, focal_px)
-        others = [other.pose_now(t_ns) for other in spots if other is not spot and self.watch.carries(other, t_ns)]
-        if not refusal and any(other is not None and same_body(pose, other) for other in others):
-            refusal = "the pose of somebody beside"
-        if refusal:
-            spot.refused(refusal, t_ns)
-        else:
-            says = evidence(pose, spot.sight.region, config, focal_px)
-            spot.found(pose, look_of(frame.colour, spot.sight.region, pose), says, t_ns)
-
-    def _cut_out(
-        self, sight: Sight, pose: Pose, refusal: str, frame: Frame, colour: Camera, focal_px: float | None
-    ) -> tuple[Sight, Pose, str]:
-        """A region without what the body with a sure pose touches, the pose there, and why that is none: a pose that is
-        refused may be of somebody in a larger region, and one that is not may be of a part of it."""
-        if not refusal and not touches_more(sight, pose, colour):
-            return sight, pose, refusal
-        part = trimmed(sight, pose, colour, frame.vehicle)
-        if part is None:
-            return sight, pose, refusal
-        own = self._finder.again(frame.colour, pose) if refusal else pose
-        if pose_refusal(own, part.region, self.config.pose_filter, focal_px):
-            return sight, pose, refusal
-        return part, own, ""
+        t_ns, colour = frame.capture_ns, self._colour if with_depth else None
+        around = [other for other in spots if other is not spot]
+        poses = [other.pose_now(t_ns) for other in around if self.watch.carries(other, t_ns)]
+        others = [pose for pose in poses if pose is not None]
+        verdict = examine(spot, others, frame, self._finder, self.config.pose_filter, colour)
+        if verdict.refusal:
+            spot.refused(verdict.refusal, t_ns)
+            return
+        spot.sight, pose = verdict.sight, verdict.pose
+        spot.found(pose, look_of(frame.colour, spot.sight.region, pose), verdict.evidence, t_ns)
+        if colour is not None and spot.sight.ned_trunk_m is None:
+            self.watch.joined(spot, [other for other in around if _may_be_part(other, pose, colour, t_ns)])
 
     def _identify(self, spots: Sequence[Spot], frame: Frame) -> tuple[Found, ...]:
         """Who is in the picture."""
@@ -231,11 +207,17 @@ class PeoplePipeline:
                 self.walks.add(number, t_ns, spot.sight.ned_p_m)
             fresh = spot.posed_ns == t_ns
             self._memory.see(spot, self._colour, frame.vehicle, t_ns)
-            # A pose cannot be moved along with a region that is cut anew in every picture.
-            placed = fresh or spot.sight.pose is not None or not spot.sight.region.cut or spot.keeps_shape
+            # A pose cannot be moved along with a region that is cut anew in every picture, or that is a part of it now.
+            placed = fresh or spot.sight.pose is not None or spot.keeps_shape
             if placed and not tracks[number].dismissed:
                 found.append(Found(number, spot.sight, pose, fresh, frame.colour.shape[1::-1]))
         return tuple(found)
+
+
+def _may_be_part(spot: Spot, pose: Pose, colour: Camera, t_ns: int) -> bool:
+    """Whether somebody's number is carried on along with a part of the body whose pose was found now."""
+    lies = spot.sight.ned_trunk_m is None and spot.posed_ns < t_ns
+    return lies and spot.number > 0 and is_part(spot.sight, pose, colour)
 
 
 def _standstill() -> float:

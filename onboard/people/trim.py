@@ -19,6 +19,8 @@ from onboard.people.sights import Sight
 _SEEN = 0.5
 _LEAST_CUT, _LEAST_LEFT = 0.1, 0.2
 """Shares of a region: less is not worth cutting off, and less left is no person in it."""
+_PART = 0.7
+"""What lies on a body by this share of its area is a part of it."""
 
 
 def trimmed(sight: Sight, pose: Pose, camera: Camera, vehicle: VehiclePose | None) -> Sight | None:
@@ -61,6 +63,15 @@ def trimmed(sight: Sight, pose: Pose, camera: Camera, vehicle: VehiclePose | Non
     place = None if vehicle is None else vehicle.from_camera(camera, middle)
     area_m2 = sight.area_m2 * float(mine.mean())
     return replace(sight, region=part, ned_p_m=place, points_m=points[mine], area_m2=area_m2, body=None, pose=None)
+
+
+def is_part(sight: Sight, pose: Pose, camera: Camera) -> bool:
+    """Whether a region is a part of the body with a pose that was found beside it: mostly within reach of its bones."""
+    region = sight.region
+    if region.camera_p_m is None:
+        return False
+    around = around_bones(pose, region, REACH_M * camera.fx_px / region.camera_p_m[2])
+    return float((region.mask & around).sum()) >= _PART * float(region.mask.sum())
 
 
 def touches_more(sight: Sight, pose: Pose, camera: Camera) -> bool:

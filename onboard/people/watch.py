@@ -35,7 +35,9 @@ _NEWEST_WAY = 0.5
 """Share of the newest picture in how fast a box moves."""
 _LIES = 0.5
 """Who reaches to less than this share of a standing height does not stand."""
-_SAME_SHAPE = 0.1
+_SAME_SHAPE, _CUT_SHAPE = 0.4, 0.1
+"""How much either side of a box may differ from that with the last pose; and where the depth picture cuts it anew in
+every picture."""
 _LIKELY_WAIT = 0.4
 """Share of the wait until the next look that such a region waits."""
 _FULL_EVERY = 3
@@ -118,11 +120,14 @@ class Spot:
 
     @property
     def keeps_shape(self) -> bool:
-        """Whether the box has about the sides that it had with the last pose."""
+        """Whether the box has about the sides that it had with the last pose. Who stands moves arms and legs."""
         if self.posed is None:
             return False
+        if self.sight.ned_trunk_m is not None and not self.sight.region.cut:
+            return True
         before, now = self.posed.region.box_px, self.sight.region.box_px
-        return all(abs(now[k] - before[k]) <= _SAME_SHAPE * before[k] for k in (2, 3))
+        most = _CUT_SHAPE if self.sight.region.cut else _SAME_SHAPE
+        return all(abs(now[k] - before[k]) <= most * before[k] for k in (2, 3))
 
     def pose_now(self, t_ns: int) -> Pose | None:
         """The pose in the present picture: found there, or seen there from where the body is in space, or, where that
@@ -183,7 +188,8 @@ class Watch:
     def shown(self, spots: Sequence[Spot], t_ns: int) -> list[Spot]:
         """Spots of a picture that count as people, nobody twice: without depth a detector gives somebody two boxes now
         and then; the one that was there first stays."""
-        carried = [spot for spot in spots if self.carries(spot, t_ns)]
+        followed = {id(spot) for spot in self.spots}
+        carried = [spot for spot in spots if id(spot) in followed and self.carries(spot, t_ns)]
         placeless = [spot for spot in carried if spot.sight.ned_p_m is None]
         kept: list[tuple[Sight, Pose]] = []
         twice: set[int] = set()
@@ -195,6 +201,15 @@ class Watch:
                 kept.append((spot.sight, pose))
         self.spots = [spot for spot in self.spots if id(spot) not in twice]
         return [spot for spot in carried if id(spot) not in twice]
+
+    def joined(self, spot: Spot, parts: Sequence[Spot]) -> None:
+        """Some regions turned out to be parts of another: theirs is the number, the one that was there first."""
+        if not parts:
+            return
+        eldest = min((spot, *parts), key=lambda s: (not s.confirmed, s.number or math.inf))
+        spot.number, spot.confirmed = eldest.number, eldest.confirmed
+        gone = {id(part) for part in parts}
+        self.spots = [s for s in self.spots if id(s) not in gone]
 
     def merged(self, number: int, into: int) -> None:
         """A person turned out to be another; of two regions the other's stays."""

@@ -91,6 +91,7 @@ def test_who_lies_does_not_drift_to_what_touches_them():
     thing = thing[np.linalg.norm(thing[:, None, :2] - mine[None, :, :2], axis=2).min(axis=1) > GRAIN_M]
     (claimed,) = _claimed(body, np.vstack((mine, thing)), vehicle)
     np.testing.assert_allclose(claimed.body.ned_joints_m, body.ned_joints_m, atol=0.05)
+    assert _claimed(body, mine, vehicle, body.top_m + 0.6) == [], "what is so high is no body that lies"
 
 
 def test_who_is_gone_takes_nothing():
