@@ -21,9 +21,8 @@ from ground.pursuit.view import Pose
 
 Array = NDArray[np.float64]
 
-_BRAKE_SHARE = (
-    0.4  # of the largest acceleration, for the approach to a far target; the rest is for what it does meanwhile
-)
+_BRAKE_SHARE = 0.27
+"""Of the largest acceleration, for the approach to a far target; the rest is for what it does meanwhile."""
 
 
 class Steering:
