@@ -20,6 +20,7 @@ from onboard.follow.config import FollowConfig
 from onboard.follow.law import Vehicle
 from onboard.follow.steering import Steering
 from onboard.fusion.depth import DepthConfig
+from onboard.fusion.tracker import HabDfTracker
 from onboard.helm.arbiter import HOVER, Verdict
 from onboard.helm.config import HelmConfig
 from onboard.helm.dialect.px4 import PX4
@@ -120,6 +121,7 @@ def follow(course: Course, tracker: Tracker, quadrotor: Quadrotor) -> Score:
         t_ns = quadrotor.t_ns
         truly = quadrotor.lens(eye)
         lens = truly._replace(ned_q_body=course.shaken(index, truly.ned_q_body))
+        pose, vehicle = quadrotor.known()
         target, others = course.target(index), course.others(index, lens.ned_p_m)
         frame = course.hall.picture(lens, [target, *others], course.light(index, quadrotor.turn_rad_s))
         truth = lens.show(target)
@@ -129,8 +131,9 @@ def follow(course: Course, tracker: Tracker, quadrotor: Quadrotor) -> Score:
             tracker.init(frame, truth.box, 0.0, t_ns)
             box: Box | None = truth.box
         else:
+            if isinstance(tracker, HabDfTracker):
+                tracker.foresee(steering.expected(t_ns, pose))
             box = box_of(tracker.update(frame, t_ns))
-        pose, vehicle = quadrotor.known()
         request = steering.step(t_ns, box, pose, vehicle)
         asked = HOVER if request is None else Verdict("follow", request.vector, request.yaw_rate_rad_s, 0.0)
         stick_rad_s = course.operators_turn_rad_s(index)

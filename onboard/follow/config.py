@@ -56,6 +56,9 @@ class FollowConfig(Section, frozen=True, kw_only=True):
     """Standard deviation of the target's measured place, m."""
     coast_s: NonNegative = 2.0
     """How long an unseen target is flown after on its last velocity, s; then the vehicle hovers: nothing is asked."""
+    unseen_memory_s: Positive = 0.5
+    """Facing it: time constant with which the velocity of an unseen target is believed less, s; it may have stopped,
+    and the vehicle flies at it."""
     answer_within_s: Positive = 0.02
     """How long a picture waits for its trackers, s; what comes later counts with its own capture time."""
     frozen_after_s: Positive = 2.0

@@ -128,7 +128,7 @@ class Follower:
             vehicle: the vehicle then, with its rates.
             depth_m: depth picture that belongs to it, (h, w), m, at any size; None without.
         """
-        fused = self.fusion.step(frame, t_ns)
+        fused = self.fusion.step(frame, t_ns, self._steering.expected(t_ns, pose))
         box = self.fusion.box
         seen = box if fused.state == "tracking" else None
         patch = None if depth_m is None or seen is None else _inside(depth_m, seen, frame.shape)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.geometry.camera import Camera, horizontal_tangents
-from common.geometry.rotation import quat_rotate
+from common.geometry.rotation import quat_conjugate, quat_multiply, quat_rotate
 from common.tracking.base import Box
 from onboard.follow.config import FollowConfig
 from onboard.follow.law import TargetState
@@ -55,6 +55,13 @@ def whole_from_m(camera: Camera, box: Box, pose: Pose, level_m: float, accelerat
         if off_m > 0.0 and edge_rad > 0.0:
             least_m = max(least_m, off_m / math.tan(max(edge_rad - tilt_rad, edge_rad / 2)))
     return least_m
+
+
+def in_camera(camera: Camera, pose: Pose, ned_p_m: Array) -> Array:
+    """A place (3,), NED, m, in the optical frame of the vehicle's camera, (3,), m; its z is along the optical axis."""
+    eye = pose.ned_p_m + quat_rotate(pose.ned_q_body, np.array(camera.body_p_camera_m))
+    turn = quat_conjugate(quat_multiply(pose.ned_q_body, camera.body_q_camera))
+    return quat_rotate(turn, ned_p_m - eye)
 
 
 class Sight:
@@ -140,12 +147,14 @@ class TargetPlace:
     """Place and velocity of the target from its measured places: a Kalman filter with real Δt.
 
     Args:
-        config: noise.
+        config: noise, and for how long the velocity of an unseen target is believed.
+        faced: whether it is faced and not flown above: then it is flown at, and its velocity is believed ever less.
     """
 
-    def __init__(self, config: FollowConfig):
+    def __init__(self, config: FollowConfig, faced: bool):
         self._density = np.full(3, config.process_m_s2**2)
         self._variance = np.full(3, config.measurement_m**2)
+        self._memory_s = config.unseen_memory_s if faced else math.inf
         self._filter: MotionFilter | None = None
 
     def reset(self) -> None:
@@ -167,5 +176,8 @@ class TargetPlace:
         """State at a time, ns, at or after the last measurement; None without any."""
         if self._filter is None:
             return None
-        value, _ = self._filter.ahead(t_ns, self._density)
-        return TargetState(np.array(value), self._filter.rate.copy())
+        away_s = (t_ns - self._filter.t_ns) * 1e-9
+        left = math.exp(-away_s / self._memory_s)
+        way_s = away_s if math.isinf(self._memory_s) else self._memory_s * (1.0 - left)
+        rate = self._filter.rate
+        return TargetState(self._filter.value + way_s * rate, left * rate)

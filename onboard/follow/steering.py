@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,11 +12,15 @@ from common.messages import Request
 from common.tracking.base import Box
 from onboard.follow.config import FollowConfig
 from onboard.follow.law import FollowLaw, Vehicle
-from onboard.follow.sight import Sight, TargetPlace, looks_ahead, whole_from_m
+from onboard.follow.sight import Sight, TargetPlace, in_camera, looks_ahead, whole_from_m
 from onboard.fusion.depth import DepthConfig
 from onboard.proximity.pose import Pose
 
 Array = NDArray[np.float64]
+_NEAREST_M = 0.3
+"""Least distance along the optical axis at which a target is expected in the picture, m."""
+_SIZE_MEMORY_S = 0.5
+"""Time constant with which the size of what is expected follows the box, s: what slides before it makes it smaller."""
 
 
 class Steering:
@@ -29,7 +35,7 @@ class Steering:
     def __init__(self, config: FollowConfig, depth: DepthConfig, camera: Camera):
         self._config, self._depth, self._camera = config, depth, camera
         self._law = FollowLaw(config, looks_ahead(camera))
-        self._place = TargetPlace(config)
+        self._place = TargetPlace(config, looks_ahead(camera))
         self.reset()
 
     def calibrate(self, camera: Camera) -> None:
@@ -44,12 +50,33 @@ class Steering:
         self._place.reset()
         self._sight = Sight(self._camera, self._config, self._depth)
         self._measured_ns = 0
+        self._size_m: Array | None = None
         self.why_not = ""
         """Why nothing is asked; empty while something is."""
 
     def restart(self) -> None:
         """The last request was not flown: the next one begins at the vehicle's own velocity."""
         self._law.restart()
+
+    def expected(self, t_ns: int, pose: Pose | None) -> Box | None:
+        """Where a picture should show the target by its own motion over ground and the vehicle's, px.
+
+        None without a target or a pose, behind the camera, or once it has been away for too long.
+
+        Args:
+            t_ns: capture stamp of the picture, ns.
+            pose: the vehicle then.
+        """
+        state = self._place.at(t_ns)
+        if state is None or pose is None or self._size_m is None:
+            return None
+        if t_ns - self._measured_ns > self._config.coast_s * 1e9:
+            return None
+        seen = in_camera(self._camera, pose, state.ned_p_m)
+        if seen[2] < _NEAREST_M:
+            return None
+        (u, v), (width, height) = self._camera.project(seen[None])[0], self._size_m / seen[2]
+        return float(u - width / 2), float(v - height / 2), float(width), float(height)
 
     def step(
         self,
@@ -88,4 +115,7 @@ class Steering:
             level_m = float(np.hypot(*(found - pose.ned_p_m)[:2]))
             self._law.least_m = whole_from_m(self._camera, box, pose, level_m, self._config.slew_m_s2)
         self._place.measure(found, t_ns)
+        size_m = np.array(box[2:]) * in_camera(self._camera, pose, found)[2]
+        share = -math.expm1(-(t_ns - self._measured_ns) * 1e-9 / _SIZE_MEMORY_S)
+        self._size_m = size_m if self._size_m is None else self._size_m + share * (size_m - self._size_m)
         self._measured_ns = t_ns

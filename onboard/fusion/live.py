@@ -78,8 +78,13 @@ class LiveHabDf:
         """Whether the answer has rested on trustworthy trackers of late: they do not all answer in every step."""
         return self.box is not None and t_ns - self._seen_ns <= _RECENT_NS
 
-    def step(self, frame: np.ndarray, t_ns: int) -> Fused:
-        """Fused answer for a picture, (H, W, 3) uint8 BGR, from what has been answered so far.
+    def step(self, frame: np.ndarray, t_ns: int, foreseen: Box | None = None) -> Fused:
+        """Fused answer for a picture from what has been answered so far.
+
+        Args:
+            frame: the picture, (H, W, 3) uint8 BGR.
+            t_ns: its capture stamp, ns.
+            foreseen: where the target's motion over ground leads one to expect it in it, px; None: unknown.
 
         Raises:
             ValueError: no target.
@@ -87,7 +92,7 @@ class LiveHabDf:
         fusion = self._fusion
         if fusion is None:
             raise ValueError("fusion: step without a target; select one first")
-        fusion.look(frame, t_ns)
+        fusion.look(frame, t_ns, foreseen)
         answers = dict(self.pool.collect(0.0))
         for name, member in self.pool.members.items():
             if member.started and member.ask(Ask("update", t_ns, frame.shape, None, fusion.expected(name)), frame):

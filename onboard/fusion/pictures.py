@@ -46,6 +46,7 @@ class PictureFusion:
         self.said: dict[str, tuple[int, TrackResult]] = {}
         """The stamp, ns, and the result of what each tracker said last."""
         self._t_ns = t_ns
+        self._foreseen: Box | None = None
         self._fusion = Fusion([source_of(name) for name in names], config)
         self._several = len(set(names)) > 1
         self._witness = Witness(self.grey, box, t_ns)
@@ -69,8 +70,15 @@ class PictureFusion:
         box, fused = self.box, self.fused
         return box is not None and fused is not None and self._witness.vouches(self.grey, box, fused)
 
-    def look(self, frame: np.ndarray, t_ns: int) -> None:
-        """Take in the next picture, (H, W, 3) uint8 BGR, of a stamp, ns: the answer moves with it."""
+    def look(self, frame: np.ndarray, t_ns: int, foreseen: Box | None = None) -> None:
+        """Take in the next picture: the answer moves with it.
+
+        Args:
+            frame: the picture, (H, W, 3) uint8 BGR.
+            t_ns: its stamp, ns.
+            foreseen: where somebody who knows the target's motion over ground expects it in it, px; None: nobody does.
+        """
+        self._foreseen = foreseen
         self.grey, self._t_ns = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), t_ns
         before, self.place_px = self.place_px, self._camera.see(self.grey, t_ns)
         if self.fused is not None:
@@ -123,7 +131,7 @@ class PictureFusion:
         if not now:
             return Verdict()
         boxes = {name: upright_box(result) for name, result in now.items() if result.state == "tracking"}
-        verdict = self._witness.judge(self.grey, boxes, self._several, self.fused, self._t_ns)
+        verdict = self._witness.judge(self.grey, boxes, self._several, self.fused, self._t_ns, self._foreseen)
         for name in verdict.begun:
             self._fusion.forget(name, follow=True)
         return verdict

@@ -20,6 +20,9 @@ _THERE = 0.4
 """Overlap with the answer above which a tracker is where the target was expected."""
 _APART = 0.2
 """Overlap with the answer below which it is at another thing."""
+_FORESEEN, _FORESEEN_GROWN = 0.7, 0.35
+"""How far from where its motion over ground leads one to expect it the target is, target sizes, and its size,
+logarithm: somebody beside it is further."""
 _LIKE = 0.5
 """Least likeness of one that is where the target was expected for the others to be doubted."""
 _CLEARLY = 0.1
@@ -43,6 +46,14 @@ def out_of_reach(boxes: Mapping[str, Box], last: Box, since_s: float) -> frozens
         return math.hypot(x - u, y - v) > reach_px or abs(math.log(math.sqrt(box[2] * box[3]) / size)) > grown
 
     return frozenset(name for name, box in boxes.items() if beyond(box))
+
+
+def as_foreseen(box: Box, foreseen: Box) -> bool:
+    """Whether a box is where, and as large as, the target's motion over ground leads one to expect it, px."""
+    size = math.sqrt(foreseen[2] * foreseen[3])
+    (u, v), (x, y) = _center(foreseen), _center(box)
+    grown = math.log(math.sqrt(box[2] * box[3]) / size)
+    return math.hypot(x - u, y - v) <= _FORESEEN * size and abs(grown) <= _FORESEEN_GROWN
 
 
 def elsewhere(similar: Mapping[str, float], boxes: Mapping[str, Box], last: Box) -> frozenset[str]:

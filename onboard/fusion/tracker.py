@@ -77,7 +77,7 @@ class HabDfTracker:
         for name, member in self.members.items():
             member.init(frame, box, 0.0, t_ns)
             self._fusion.given(name)
-        self.answers, self._told = {}, False
+        self.answers, self._told, self._foreseen = {}, False, None
         self._outline = Outline()
         self._outline.whole(self._fusion.grey, start_ns, self._fusion.place_px, box)
 
@@ -87,14 +87,18 @@ class HabDfTracker:
         for member in self.members.values():
             member.expect(expectation)
 
+    def foresee(self, box: Box | None) -> None:
+        """Say where the target's motion over ground leads one to expect it in the next picture, px; None: unknown."""
+        self._foreseen = box
+
     def update(self, frame: np.ndarray, t_ns: int) -> TrackResult:
         """Ask every member, fuse their answers, and put those that have drifted back on the fused one."""
         fusion = self._fusion
         if fusion is None:
             raise ValueError("hab-df: update before init; select a target first")
-        fusion.look(frame, t_ns)
+        fusion.look(frame, t_ns, self._foreseen)
         self.answers = {name: self._ask(name, fusion, frame, t_ns) for name in self.members}
-        self._told = False
+        self._told, self._foreseen = False, None
         fused = fusion.hear({name: Answer(t_ns, result) for name, result in self.answers.items()})
         box = fusion.box
         if box is None:

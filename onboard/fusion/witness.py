@@ -18,7 +18,7 @@ from common.evaluation import jaccard
 from common.tracking.appearance import Appearance, upright_patch
 from common.tracking.base import Box
 from onboard.fusion.center import Fused
-from onboard.fusion.prior import elsewhere, out_of_reach
+from onboard.fusion.prior import as_foreseen, elsewhere, out_of_reach
 
 _DOUBTFUL = 0.45
 """Relative similarity below which a tracker's box is doubted if another's is clearly more similar."""
@@ -90,7 +90,13 @@ class Witness:
         self._clearness(grey, t_ns)
 
     def judge(
-        self, grey: np.ndarray, boxes: Mapping[str, Box], several: bool, fused: Fused | None, t_ns: int
+        self,
+        grey: np.ndarray,
+        boxes: Mapping[str, Box],
+        several: bool,
+        fused: Fused | None,
+        t_ns: int,
+        foreseen: Box | None = None,
     ) -> Verdict:
         """Compare the boxes that trackers report in a picture with what the target has looked like.
 
@@ -100,6 +106,7 @@ class Witness:
             several: whether there are other trackers, though they may see nothing.
             fused: the last fused answer; None before any.
             t_ns: stamp of the picture, ns.
+            foreseen: where the target's motion over ground leads one to expect it, px; None: unknown.
         """
         fused = None if fused is None or fused.state == "waiting" else fused
         if fused is not None and fused.state != "tracking" and t_ns - self._supported_ns >= _BROKEN_S * 1e9:
@@ -112,7 +119,7 @@ class Witness:
         begun = self._choose(similar, boxes, fused, t_ns) or _found_alone(similar, boxes, fused if several else None)
         heard = boxes.keys() if self._chosen is None else {self._chosen, *_same_as(self._chosen, boxes)}
         least = _FOUND_UNLIKE if self._broken else _ALONE_THERE_UNLIKE
-        doubted = _doubted(similar, boxes, fused if several else None, least)
+        doubted = _doubted(similar, boxes, fused if several else None, least, foreseen)
         return Verdict(doubted, others | (boxes.keys() - heard), begun)
 
     def _others(
@@ -191,7 +198,7 @@ class Witness:
 
 
 def _doubted(
-    similar: Mapping[str, float], boxes: Mapping[str, Box], fused: Fused | None, there: float
+    similar: Mapping[str, float], boxes: Mapping[str, Box], fused: Fused | None, there: float, foreseen: Box | None
 ) -> frozenset[str]:
     """Trackers whose box looks less like the target than one elsewhere does, or like nothing known.
 
@@ -203,12 +210,15 @@ def _doubted(
         boxes: the same trackers' boxes, px.
         fused: the last answer; None without one, or where there is one tracker alone anyway.
         there: least likeness of one that is alone, and is where the answer was.
+        foreseen: where the target's motion over ground leads one to expect it: who is found there, however changed, is
+            no more doubted than several would be.
     """
     best = max(similar.values(), default=0.0)
     least = _UNLIKE
     if len(boxes) == 1 and fused is not None:
         (box,) = boxes.values()
-        least = there if jaccard(box, _box_of(fused)) > _SAME else max(there, _ALONE_UNLIKE)
+        if foreseen is None or not as_foreseen(box, foreseen):
+            least = there if jaccard(box, _box_of(fused)) > _SAME else max(there, _ALONE_UNLIKE)
     unlike = {n for n, s in similar.items() if s < least or (s < _DOUBTFUL and s < best - _CLEARLY)}
     return frozenset(name for name in unlike if not set(_same_as(name, boxes)) - unlike)
 

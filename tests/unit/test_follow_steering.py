@@ -12,7 +12,7 @@ from common.geometry.rotation import as_quat, quat_conjugate, quat_from_euler, q
 from common.tracking.base import Box
 from onboard.follow.config import FollowConfig
 from onboard.follow.law import Vehicle
-from onboard.follow.sight import whole_from_m
+from onboard.follow.sight import TargetPlace, whole_from_m
 from onboard.follow.steering import Steering
 from onboard.fusion.depth import DepthConfig
 from onboard.proximity.pose import Pose
@@ -82,3 +82,61 @@ def test_an_unseen_target_is_flown_after_for_a_while_and_it_says_why_nothing_is_
     assert steering.step(later_ns + S // 10, None, pose, vehicle) is None and "for 2.1 s" in steering.why_not
     steering.reset()
     assert steering.step(later_ns + S // 5, None, pose, vehicle) is None
+
+
+def _walking(steering: Steering, camera: Camera, speed_m_s: float, seconds: float) -> tuple[int, float]:
+    """Show it somebody who walks away from a vehicle that stands; the last stamp, ns, and his distance then, m."""
+    distance_m, t_ns = 5.0, S
+    for _ in range(round(30 * seconds)):
+        t_ns, distance_m = t_ns + S // 30, distance_m + speed_m_s / 30
+        box, pose = _seen(camera, distance_m, 0.0)
+        steering.step(t_ns, box, pose, Vehicle(pose.ned_p_m, np.zeros(3), 0.0, 0.0))
+    return t_ns, distance_m
+
+
+def test_who_goes_out_of_sight_is_not_flown_at_for_long_since_he_may_have_stopped() -> None:
+    asked = []
+    for memory_s in (0.5, 100.0):
+        camera = _camera(0.17)
+        steering = Steering(FollowConfig(unseen_memory_s=memory_s), DepthConfig(), camera)
+        t_ns, _ = _walking(steering, camera, 2.0, 2.0)
+        _, pose = _seen(camera, 5.0, 0.0)
+        flown_m, vehicle = 0.0, np.array([2.0, 0.0, 0.0])
+        for k in range(1, 60):
+            place = pose.ned_p_m + np.array([flown_m, 0.0, 0.0])
+            request = steering.step(t_ns + k * S // 30, None, pose, Vehicle(place, vehicle, 0.0, 0.0))
+            assert request is not None
+            vehicle = np.array([request.vector[0], 0.0, 0.0])
+            flown_m += request.vector[0] / 30
+        asked.append((flown_m, request.vector[0]))
+    assert asked[0][0] < asked[1][0] - 1.0 and abs(asked[0][1]) < 0.4 < asked[1][1]
+
+
+def test_it_says_where_the_next_picture_should_show_the_target_whatever_the_nose_does() -> None:
+    camera = _camera(0.17)
+    steering = Steering(FollowConfig(), DepthConfig(), camera)
+    assert steering.expected(S, _seen(camera, 5.0, 0.0)[1]) is None
+    t_ns, distance_m = _walking(steering, camera, 1.0, 2.0)
+    for pitch_rad in (-0.15, 0.0, 0.2):
+        truth, pose = _seen(camera, distance_m + 1.0 / 30, pitch_rad)
+        expected = steering.expected(t_ns + S // 30, pose)
+        assert expected is not None
+        off = [
+            e + s / 2 - t - u / 2 for e, s, t, u in zip(expected[:2], expected[2:], truth[:2], truth[2:], strict=True)
+        ]
+        assert math.hypot(*off) < 4.0 and expected[3] == pytest.approx(truth[3], rel=0.1)
+    behind = Pose(np.array([distance_m + 3.0, 0.0, -EYE_M]), quat_from_euler(0.0, 0.0, 0.0))
+    assert steering.expected(t_ns + S // 30, behind) is None
+    assert steering.expected(t_ns, None) is None
+    assert steering.expected(t_ns + 3 * S, _seen(camera, distance_m, 0.0)[1]) is None, "away for too long"
+
+
+def test_above_a_target_that_is_out_of_sight_its_motion_goes_on() -> None:
+    place = TargetPlace(FollowConfig(), faced=False)
+    for k in range(60):
+        place.measure(np.array([k / 30, 0.0, 0.0]), k * S // 30)
+    state = place.at(59 * S // 30 + S)
+    assert state is not None
+    assert state.ned_p_m[0] == pytest.approx(59 / 30 + 1.0, abs=0.05) and state.ned_v_m_s[0] == pytest.approx(
+        1, abs=0.05
+    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from common.tracking.base import Box
-from onboard.fusion.prior import elsewhere, out_of_reach
+from onboard.fusion.prior import as_foreseen, elsewhere, out_of_reach
 
 LAST: Box = (100.0, 100.0, 40.0, 40.0)
 NEAR: Box = (110.0, 95.0, 40.0, 40.0)
@@ -25,3 +25,10 @@ def test_two_at_a_twin_do_not_outvote_the_one_that_went_on_where_the_target_was_
     assert elsewhere({"here": 0.8, "a": 0.95, "b": 0.7}, boxes, LAST) == {"b"}, "one clearly more alike is heard"
     assert not elsewhere({"here": 0.4, "a": 0.45, "b": 0.3}, boxes, LAST), "what is there does not look like it either"
     assert not elsewhere({"a": 0.85, "b": 0.7}, {"a": TWIN, "b": TWIN}, LAST), "nobody is there"
+
+
+def test_somebody_beside_the_place_where_the_target_is_foreseen_or_of_another_size_is_not_the_target() -> None:
+    foreseen: Box = (100.0, 100.0, 25.0, 90.0)
+    assert as_foreseen((112.0, 105.0, 25.0, 90.0), foreseen) and as_foreseen((98.0, 90.0, 30.0, 110.0), foreseen)
+    assert not as_foreseen((146.0, 100.0, 25.0, 90.0), foreseen), "0.9 m beside somebody of 1.75 m"
+    assert not as_foreseen((105.0, 110.0, 16.0, 60.0), foreseen)

@@ -98,6 +98,8 @@ def test_after_the_answer_broke_off_one_alone_must_be_surer_and_nobody_is_put_on
     tracking, lost = _fused("tracking", 1.0, 0.1), _fused("predicted")
     assert not witness.judge(half, {"a": BOX}, True, tracking, 50_000_000).doubted
     assert witness.judge(half, {"a": BOX}, True, lost, 300_000_000).doubted == {"a"}
+    assert not witness.judge(half, {"a": BOX}, True, lost, 300_000_000, BOX).doubted, "but not where it is foreseen"
+    assert witness.judge(half, {"a": BOX}, True, lost, 300_000_000, ELSEWHERE).doubted == {"a"}
     assert not witness.vouches(GREY, BOX, tracking)
     witness.learn(GREY, BOX, tracking)  # a sure look mends it
     assert witness.vouches(GREY, BOX, tracking)
