@@ -17,8 +17,8 @@ from onboard.people.pose import STANDING_M, Pose
 from onboard.people.pose_filter import evidence, foreshortened_refusal, pose_refusal, same_body
 from onboard.people.pose_finder import PoseFinder
 from onboard.people.sights import Sight
+from onboard.people.spot import Spot
 from onboard.people.trim import is_part, touches_more, trimmed
-from onboard.people.watch import Spot
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ from collections.abc import Iterable
 from common.geometry.camera import Camera
 from common.geometry.rotation import Array
 from onboard.people.bodies import Body, VehiclePose, body_of
+from onboard.people.spot import Spot
 from onboard.people.tracks import Track
 from onboard.people.walk import Walks
-from onboard.people.watch import Spot
 
 _IN_SIGHT_S = 0.5
 """Who was seen so lately is followed wherever they go."""

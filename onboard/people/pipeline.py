@@ -9,11 +9,13 @@ findings = people.look(Frame(picture, capture_ns, depth_m, depth_ns, vehicle))
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from common.geometry.camera import Camera
-from onboard.people.appearance import look_of
+from onboard.people.appearance import look_of, similarity
+from onboard.people.beyond import one_beyond, whole
 from onboard.people.budget import PoseBudget
 from onboard.people.depth import UnusableDepth
 from onboard.people.detector import PersonDetector
@@ -25,10 +27,11 @@ from onboard.people.pose import Pose
 from onboard.people.pose_finder import PoseFinder
 from onboard.people.pose_network import PoseNetwork
 from onboard.people.sights import DepthSearch, Sight
+from onboard.people.spot import Spot
 from onboard.people.tracks import Detection, PeopleTracker, Track
 from onboard.people.trim import is_part
 from onboard.people.walk import Walks
-from onboard.people.watch import Spot, Watch
+from onboard.people.watch import Watch
 
 
 class PeoplePipeline:
@@ -95,6 +98,7 @@ class PeoplePipeline:
         sights, with_depth, reason = self._sights(frame)
         between = self._clock()
         spots = self.watch.follow(sights, frame.capture_ns)
+        self._let_go(spots, frame)
         self._recognise(spots, frame)
         looks = self._pose(spots, frame, with_depth)
         posed = self._clock()
@@ -123,7 +127,7 @@ class PeoplePipeline:
         if not reason and self._search is not None and frame.depth is not None:
             try:
                 expected = self._memory.expected(self.tracker.tracks, self.walks, frame.capture_ns)
-                sights = self._search.find(frame.depth, frame.vehicle, expected)
+                sights = self._whole(self._search.find(frame.depth, frame.vehicle, expected), frame, self._search)
             except UnusableDepth as unusable:
                 reason = str(unusable)
             else:
@@ -133,6 +137,16 @@ class PeoplePipeline:
             return [], False, f"{reason}; without a detector (people.detector) nobody can be found"
         return [Sight(region) for region in self._detector.find(frame.colour)], False, reason
 
+    @staticmethod
+    def _whole(sights: Sequence[Sight], frame: Frame, search: DepthSearch) -> list[Sight]:
+        """Regions with what of them lies beyond the depth picture, each once; of two the one that comes first."""
+        found: list[Sight] = []
+        for sight in sights:
+            region = whole(frame.colour, sight.region, search.registration)
+            if not any(one_beyond(region, other.region) for other in found):
+                found.append(replace(sight, region=region))
+        return found
+
     def _mismatch(self, frame: Frame) -> str:
         if frame.depth is None or frame.depth_ns is None:
             return "no depth with the picture"
@@ -140,6 +154,16 @@ class PeoplePipeline:
         if apart_ms <= self.config.pair_ms:
             return ""
         return f"picture and depth are {apart_ms:.0f} ms apart, expected {self.config.pair_ms:g} ms or less"
+
+    def _let_go(self, spots: Sequence[Spot], frame: Frame) -> None:
+        """Nobody goes on as a region that is shaped and coloured otherwise than they were: what they lay beside is."""
+        least = 1.0 - self.config.association.gate
+        for spot in spots:
+            pose = spot.pose_now(frame.capture_ns)
+            if pose is None or spot.look is None or spot.sight.pose is not None or spot.keeps_shape:
+                continue
+            if similarity(spot.look, look_of(frame.colour, spot.sight.region, pose)) < least:
+                spot.forget()
 
     def _recognise(self, spots: Sequence[Spot], frame: Frame) -> None:
         """Take those who are back where they were, with the colours that they had, for themselves: their next pose need

@@ -65,7 +65,8 @@ class DepthSearch:
     def __init__(self, config: PeopleConfig, colour: Camera, depth: Camera):
         self._config = config
         self._table = RayTable.of(depth)
-        self._registration = Registration.of(depth, colour)
+        self.registration = Registration.of(depth, colour)
+        """Depth camera to colour camera."""
         self._rng = np.random.default_rng(config.seed)
 
     def find(self, depth: NDArray, vehicle: VehiclePose | None, bodies: Sequence[Body] = ()) -> list[Sight]:
@@ -105,7 +106,7 @@ class DepthSearch:
         # Who is known in the order of the bodies, then what is largest.
         found.sort(key=lambda p: (1, -p[0].area_m2) if p[1] is None else (0, order[p[1].number]))
         clusters = [pair for pair in found if not pair[0].refusal(config.clusters)]
-        regions = find_regions([c for c, _ in clusters], cloud, depth_m, floor, self._table, self._registration)
+        regions = find_regions([c for c, _ in clusters], cloud, depth_m, floor, self._table, self.registration)
         return [
             self._placed(region, cluster, cloud, floor, vehicle, body)
             for region, (cluster, body) in zip(regions, clusters, strict=True)
@@ -169,7 +170,7 @@ class DepthSearch:
     ) -> Sight:
         if vehicle is None or region.camera_p_m is None:
             return Sight(region)
-        colour, members = self._registration.colour, cloud.points_m[cluster.members]
+        colour, members = self.registration.colour, cloud.points_m[cluster.members]
         offset = quat_rotate(vehicle.ned_q_body, in_body(colour, region.camera_p_m))
         trunk = None if cluster.trunk_m is None else self._ned(cluster.trunk_m, vehicle)
         if trunk is not None:  # arms and what the feet stand beside do not move it
@@ -182,7 +183,7 @@ class DepthSearch:
             vehicle.ned_p_m + offset,
             self._covariance(offset, _CUT_SIGMA_M if region.at_edge else _BODY_SIGMA_M),
             vehicle.ned_p_m + nearest,
-            self._registration.points(members),
+            self.registration.points(members),
             cluster.area_m2,
             floor.camera_height_m,
             body,

@@ -28,6 +28,10 @@ _DIRECTIONS = 12
 _VALLEY = 0.6
 """A profile falls to this share of its lower peak between two bodies; along one body it does so at the neck alone,
 whose far side is too small for a body."""
+_MOST_PEOPLE = 2.0
+"""What is larger than so many people is not cut for its width: walls, trees."""
+_NARROWER = 0.75
+"""The mean width of one side of such a cut is this share of the other's at most."""
 
 Seeds = list[NDArray[np.bool_]]
 
@@ -75,7 +79,9 @@ def parts(flat_m: Floats, heights_m: Floats, spacing_m: float, config: ClusterCo
     by_height = (
         _nearest_seed(seeds)[places[:, 1], places[:, 0]] for seeds in _seeds(tops, least_cells, config.split_depth_m)
     )
-    for labels in chain(by_height, _valleys(flat_m, heights_m, cell)):
+    few = len(flat_m) * spacing_m**2 <= _MOST_PEOPLE * config.most_area_m2
+    last = _change(flat_m, cell, config) if few else ()
+    for labels in chain(by_height, _valleys(flat_m, heights_m, cell), last):
         pieces = [np.flatnonzero(labels == k).astype(np.int32) for k in range(int(labels.max()) + 1)]
         if all(_is_body(flat_m[p], heights_m[p], least_cells, config) for p in pieces):
             return pieces
@@ -119,6 +125,29 @@ def _valleys(flat_m: Floats, heights_m: Floats, cell: float) -> Iterator[Ints]:
         if profile[place] < _VALLEY * lower[place]:
             cuts.append((float(profile[place] / lower[place]), (along > (place + 0.5) * cell).astype(np.int32)))
     yield from (sides for _, sides in sorted(cuts, key=lambda cut: cut[0]))
+
+
+def _change(flat_m: Floats, cell: float, config: ClusterConfig) -> Iterator[Ints]:
+    """Sides of each point, 0 or 1, of the cut across the longest side where its width changes most: a pipe that ends on
+    somebody's shoulder leaves no valley."""
+    centred = flat_m - flat_m.mean(axis=0)
+    _, vectors = np.linalg.eigh(centred.T @ centred)
+    along = centred @ vectors[:, 1]
+    along -= along.min()
+    if along.max() > _MOST_PEOPLE * config.most_length_m:
+        return
+    profile = np.bincount((along / cell).astype(int)).astype(float)
+    ends = round(config.least_length_m / cell)
+    places = np.arange(ends, len(profile) - ends)
+    if not len(places):
+        return
+    sums, bins = np.cumsum(profile), np.arange(1, len(profile) + 1)
+    before = sums[places - 1] / bins[places - 1]
+    after = (sums[-1] - sums[places - 1]) / (len(profile) - bins[places - 1])
+    between = places * (len(profile) - places) * (before - after) ** 2
+    best = int(np.argmax(between))
+    if min(before[best], after[best]) < _NARROWER * max(before[best], after[best]):
+        yield (along > places[best] * cell).astype(np.int32)
 
 
 def _islands(mask: NDArray[np.bool_], least_cells: int) -> Seeds:

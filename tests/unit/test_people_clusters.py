@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from benchmarks.people_scene import DepthScene, Thing, barrel, crowd, person, rock, wall
+from benchmarks.people_scene import Capsule, DepthScene, Thing, barrel, crowd, person, rock, wall
 from common.config import ConfigError, build
 from onboard.people.clusters import Cluster, find_clusters
 from onboard.people.config import ClusterConfig, FloorConfig
@@ -126,6 +126,20 @@ def test_a_person_beside_a_barrel_is_found():
     clusters, _, owner = _seen(scene, np.random.default_rng(0))
     overlap, _ = _overlap(clusters, owner, 0)
     assert overlap > 0.55
+
+
+@pytest.mark.parametrize("height_m", [4.0, 7.0])
+def test_somebody_on_whom_a_pipe_ends_is_told_from_it(height_m: float):
+    pipe = Thing("pipe", (Capsule(np.array([0.8, 0.0, 0.12]), np.array([2.3, 0.15, 0.12]), 0.12),))
+    clusters, _, owner = _seen(DepthScene((person("lying", 0.0, 0.0, 0.0), pipe), height_m), np.random.default_rng(2))
+    overlaps = [_overlap(clusters, owner, number) for number in (0, 1)]
+    assert overlaps[0][1] is not overlaps[1][1], "one cluster for both"
+    assert min(o for o, _ in overlaps) > 0.6
+
+
+def test_a_wall_is_not_cut_for_its_width():
+    clusters, _, _ = _seen(DepthScene((wall(0.0, 0.0, 3.2, 0.5),), 6.0), np.random.default_rng(0))
+    assert len(clusters) == 1 and "length" in clusters[0].refusal(CONFIG)
 
 
 def test_an_empty_floor_has_no_clusters():

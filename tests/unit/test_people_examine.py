@@ -18,7 +18,8 @@ from onboard.people.pose import Pose
 from onboard.people.pose_finder import PoseFinder
 from onboard.people.regions import Region
 from onboard.people.sights import Sight
-from onboard.people.watch import Spot, Watch
+from onboard.people.spot import Spot
+from onboard.people.watch import Watch
 from tests.unit.people_bodies import STANDING, moved, pose, region_of
 from tests.unit.people_rig import DOWN
 

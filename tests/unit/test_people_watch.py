@@ -8,6 +8,7 @@ import numpy as np
 
 from onboard.people.appearance import Look
 from onboard.people.pipeline_config import WatchConfig
+from onboard.people.regions import Crown
 from onboard.people.sights import Sight
 from onboard.people.watch import Watch, iou
 from tests.unit.people_bodies import STANDING, moved, pose, region_of
@@ -39,6 +40,23 @@ def test_a_plank_where_somebody_stood_is_not_them():
     cut = _sight(0.35)
     (spot,) = _watched(1.7).follow([replace(cut, region=replace(cut.region, at_edge=True))], SECOND // 30)
     assert spot.number == 1, "the picture may end below the head"
+
+
+def test_who_may_stand_is_looked_at_before_what_lies_even_at_an_edge():
+    watch = Watch(WatchConfig())
+    lying, standing = _sight(0.3), _sight(1.7, 3.0)
+    lying = replace(lying, region=replace(lying.region, length_m=1.6, crown=Crown(np.zeros(2), 4.0, 0.05, 0.1)))
+    edge = replace(standing, ned_trunk_m=np.zeros(3), region=replace(standing.region, at_edge=True))
+    first, *_ = watch.due(watch.follow([lying, edge, _sight(0.3, 6.0)], 0), 0)
+    assert first.sight is edge
+
+
+def test_a_region_that_is_something_else_is_forgotten():
+    watch = _watched(0.3)
+    (spot,) = watch.spots
+    spot.forget()
+    assert spot.pose_now(1) is None and not watch.carries(spot, 1) and spot.number == 0
+    assert list(watch.due([spot], 1)) == [spot], "and is as urgent as what is new"
 
 
 def _boxed(x: float, y: float = 100.0) -> Sight:
