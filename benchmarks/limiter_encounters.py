@@ -12,7 +12,8 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 import numpy as np
 
 from benchmarks.base import Benchmark, Outcome, Settings
-from benchmarks.encounters import draw, fly
+from benchmarks.encounter_scene import draw
+from benchmarks.encounters import fly
 from onboard.limiter.config import LimiterConfig
 
 _ENCOUNTERS, _QUICK = 100_000, 5_000
@@ -43,6 +44,7 @@ def run(settings: Settings) -> Outcome:
         "breaches_feasible": sums["breaches_feasible"],
         "breaches_infeasible": sums["breaches_infeasible"],
         "breaches_unshown": sums["breaches_unshown"],
+        "breaches_between_pictures": sums["breaches_between_pictures"],
         "infeasible_fraction": sums["infeasible"] / sums["encounters"],
         "needless_stop_fraction": sums["needless_stops"] / clear,
         "median_slowdown": float(np.median(np.concatenate(slowdowns))),
@@ -93,6 +95,7 @@ def _flown(config: LimiterConfig, rng: np.random.Generator, count: int) -> tuple
         "breaches_feasible": int(feasible.sum()),
         "breaches_infeasible": int((breach.any(axis=1) & ~feasible).sum()),
         "breaches_unshown": int((missed & (ends.unshown_m < config.h_min_m)).any(axis=1).sum()),
+        "breaches_between_pictures": int((breach & ends.between).any(axis=1).sum()),
         "infeasible": int(infeasible.any(axis=1).sum()),
         "conflicts": int((ends.ghost_m < config.h_desired_m).sum()),
         "clear": int(clear.sum()),

@@ -12,7 +12,7 @@ from benchmarks.base import Benchmark, Outcome, Settings
 from common.messages import Vec3
 from onboard.limiter.config import LimiterConfig
 from onboard.limiter.constraints import Motion, obstacle_rows
-from onboard.limiter.limiter import limit
+from onboard.limiter.limiter import bounded, limit
 from onboard.limiter.surroundings import Surroundings
 
 T = TypeVar("T")
@@ -57,6 +57,7 @@ def run(settings: Settings) -> Outcome:
 def alternating(around: Surroundings, motion: Motion, config: LimiterConfig) -> np.ndarray:
     """The same half-spaces, bounds not negative, by Dykstra's projections (DOI 10.1080/01621459.1983.10477029)."""
     rows = obstacle_rows(around.distance_m, around.ned_direction, around.ned_v_m_s, motion, config)
+    _, rows = bounded(motion.asked, rows, config)
     bounds = np.maximum(rows.bounds_m_s, 0.0)
     v, kept = motion.asked.copy(), np.zeros(len(bounds))
     for _ in range(_SWEEPS):

@@ -1,14 +1,13 @@
-"""Compiled forms of the limiter's two hot loops: the half-spaces of obstacles, and the projection onto half-spaces.
+"""Compiled form of the half-spaces of obstacles.
 
 `fill_rows` gives what `onboard.limiter.constraints.plain_rows` gives, the law as it is written down and explained; a
-test holds the two together. `fill_projections` is the one form of `onboard.limiter.project.project`.
+test holds the two together.
 """
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
 from numba import njit
 
 PROPOSED, TTI, DPF = range(3)
@@ -46,14 +45,19 @@ PROPOSED, TTI, DPF = range(3)
 ASKED, INTENDED, FLOWN, BRAKING = range(4)
 """Places of the velocities of `constraints.Motion`."""
 
-_MOST_ACTIVE = 4
-_STEPS = 200
-_PARALLEL = 1e-10
-
 
 @njit(inline="always")
 def _clipped(value, low, high):  # type: ignore[no-untyped-def]
     return min(max(value, low), high)
+
+
+@njit(inline="always", error_model="numpy")
+def stopped_as_a_whole(bound, speed, delay, deceleration):  # type: ignore[no-untyped-def]
+    """`law.stopped_as_a_whole`."""
+    if not 0.0 < bound < speed:
+        return bound
+    twice = 2.0 * deceleration
+    return bound * (delay + bound / twice) / (delay + speed / twice)
 
 
 @njit(inline="always", error_model="numpy")
@@ -144,10 +148,10 @@ def _dot(vectors, k, other):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy")
-def _hard(room, flown, braking, law):  # type: ignore[no-untyped-def]
-    """Bound and excess of `constraints.braking_bound`, from components along the normal."""
+def _hard(room, flown, speed, braking, law):  # type: ignore[no-untyped-def]
+    """Bound and excess of `constraints.braking_bound`, from components along the normal and the flown speed."""
     bound = _stoppable(room, law)
-    excess = max(flown - bound, 0.0)
+    excess = max(flown - stopped_as_a_whole(bound, speed, law[DELAY], law[DECELERATION]), 0.0)
     return _braked(bound, excess, braking, law), excess
 
 
@@ -175,6 +179,8 @@ def fill_rows(distances, unsure, units, velocities, motions, law, normals, bound
     count = distances.shape[1]
     for i in range(distances.shape[0]):
         unit, v, motion, normal = units[i], velocities[i], motions[i], normals[i]
+        own = motion[FLOWN]
+        speed = math.sqrt(own[0] * own[0] + own[1] * own[1] + own[2] * own[2])
         for k in range(count):
             h, certain = distances[i, k], max(distances[i, k] - unsure[i, k], 0.0)
             along = unit[k, 0] * v[k, 0] + unit[k, 1] * v[k, 1] + unit[k, 2] * v[k, 2]
@@ -195,96 +201,7 @@ def fill_rows(distances, unsure, units, velocities, motions, law, normals, bound
                     normal[last, 0], normal[last, 1], normal[last, 2] = x / size, y / size, z / size
             flown, braking = _dot(normal, last, motion[FLOWN]), _dot(normal, last, motion[BRAKING])
             ahead -= unsure[i, k]
-            bound, over = _hard(ahead - law[H_MIN] - law[MARGIN], flown, braking, law)
+            bound, over = _hard(ahead - law[H_MIN] - law[MARGIN], flown, speed, braking, law)
             closing = _clipped(-along / law[YIELD], 0.0, 1.0)
             back = closing * _clipped((law[H_DESIRED] - ahead) * law[PUSH_GAIN], 0.0, law[PUSH])
             bounds[i, last], excess[i, last] = min(bound, -back) if back > 0.0 else bound, over
-
-
-@njit(error_model="numpy")
-def _split(n, active, count, normals, shares, rest, basis, upper):  # type: ignore[no-untyped-def]
-    """Shares of the active normals in n by least squares; in `rest` what of n is at right angles to all of them."""
-    for j in range(count):  # Gram-Schmidt: a_j = sum_i upper[j, i] basis_i
-        x, y, z = normals[active[j], 0], normals[active[j], 1], normals[active[j], 2]
-        for i in range(j):
-            dot = x * basis[i, 0] + y * basis[i, 1] + z * basis[i, 2]
-            x, y, z = x - dot * basis[i, 0], y - dot * basis[i, 1], z - dot * basis[i, 2]
-            upper[j, i] = dot
-        size = math.sqrt(x * x + y * y + z * z)
-        scale = 1.0 / size if size > 0.0 else 0.0
-        basis[j, 0], basis[j, 1], basis[j, 2], upper[j, j] = x * scale, y * scale, z * scale, size
-    x, y, z = n[0], n[1], n[2]
-    for i in range(count):
-        dot = x * basis[i, 0] + y * basis[i, 1] + z * basis[i, 2]
-        x, y, z = x - dot * basis[i, 0], y - dot * basis[i, 1], z - dot * basis[i, 2]
-        shares[i] = dot
-    rest[0], rest[1], rest[2] = x, y, z
-    for i in range(count - 1, -1, -1):
-        left = shares[i]
-        for j in range(i + 1, count):
-            left -= upper[j, i] * shares[j]
-        shares[i] = left / upper[i, i] if upper[i, i] > 0.0 else 0.0
-
-
-@njit(error_model="numpy")
-def _join(worst, bound, normals, v, active, multipliers, count):  # type: ignore[no-untyped-def]
-    """Make a violated half-space active, dropping those in its way; how many are active then. Changes v."""
-    own = 0.0
-    n, rest, shares = normals[worst], np.empty(3), np.empty(_MOST_ACTIVE)
-    basis, upper = np.empty((_MOST_ACTIVE, 3)), np.empty((_MOST_ACTIVE, _MOST_ACTIVE))
-    while True:
-        _split(n, active, count, normals, shares, rest, basis, upper)
-        size = rest[0] * rest[0] + rest[1] * rest[1] + rest[2] * rest[2]
-        step, leaving = math.inf, -1
-        if size > _PARALLEL:
-            step = (n[0] * v[0] + n[1] * v[1] + n[2] * v[2] - bound) / size
-        for j in range(count):
-            if shares[j] > 1e-12 and multipliers[j] / shares[j] < step:
-                step, leaving = multipliers[j] / shares[j], j
-        if math.isinf(step):
-            return count
-        for j in range(count):
-            multipliers[j] -= step * shares[j]
-        own += step
-        if size > _PARALLEL:
-            v[0], v[1], v[2] = v[0] - step * rest[0], v[1] - step * rest[1], v[2] - step * rest[2]
-        if leaving < 0:
-            active[count], multipliers[count] = worst, own
-            return count + 1
-        count -= 1
-        for j in range(leaving, count):
-            active[j], multipliers[j] = active[j + 1], multipliers[j + 1]
-
-
-@njit("b1[::1](f8[:,::1],f8[:,:,::1],f8[:,::1],f8,f8[:,::1])", cache=True, nogil=True, error_model="numpy")
-def fill_projections(asked, normals, bounds, tolerance, projected):  # type: ignore[no-untyped-def]
-    """Nearest velocities with v·n_k <= bound_k for all k: `project.project_many`.
-
-    Args:
-        asked: velocities, (N, 3), m/s.
-        normals: unit vectors, (N, K, 3).
-        bounds: (N, K), m/s, not negative.
-        tolerance: what a bound may be exceeded by, m/s.
-        projected: (N, 3), written.
-
-    Returns:
-        (N,), whether it ended; where not, the steps ran out.
-    """
-    ended = np.zeros(len(asked), np.bool_)
-    active, multipliers = np.zeros(_MOST_ACTIVE, np.int64), np.zeros(_MOST_ACTIVE)
-    for i in range(asked.shape[0]):
-        v, normal, count = projected[i], normals[i], 0
-        v[0], v[1], v[2] = asked[i, 0], asked[i, 1], asked[i, 2]
-        for _ in range(_STEPS):
-            worst, most = -1, tolerance
-            for k in range(normal.shape[0]):
-                over = _dot(normal, k, v) - bounds[i, k]
-                if not over <= most:  # what is not a number counts as exceeded
-                    worst, most = k, over
-            if worst < 0:
-                ended[i] = True
-                break
-            if count == _MOST_ACTIVE:  # in space at most three are active; this would be rounding gone wild
-                break
-            count = _join(worst, bounds[i, worst], normal, v, active, multipliers, count)
-    return ended

@@ -48,9 +48,9 @@ class LimiterConfig(Section, frozen=True, kw_only=True):
     """Below `h_max_m` the repulsion grows from nothing to the printed law within this distance, m."""
     v_max_m_s: Positive = 4.0
     """Repulsion at `h_min_m`, m/s; the larger, the flatter the approach far off and the steeper near."""
-    curve_lead_s: NonNegative = 0.2
-    """How far ahead of the vehicle the curve is read, s: a quarter of the time that its speed lags behind a setpoint.
-    Tuned on the simulated autopilot's stop in front of a wall from 0.7 to 2.1 m/s."""
+    curve_lead_s: NonNegative = 0.4
+    """How far ahead of the vehicle the curve is read, s: the time by which its speed lags behind a falling setpoint,
+    measured in flight before a barrel at 2.1 m/s."""
     dpf: DpfConfig = DpfConfig()
     """Parameters of the strategy `dpf`."""
 
@@ -90,6 +90,9 @@ class LimiterConfig(Section, frozen=True, kw_only=True):
     required: bool = False
     """Whether a vehicle without fresh obstacle data must stand still from the start. A source that has spoken once is
     required in any case: a sensor that died is no free view."""
+    late_s: Positive = 0.3
+    """A source that sees speaks again within so much of its last picture, its period and its delay, s; from then on the
+    speed falls, and reaches `unseen_speed_m_s` at `stale_s`."""
     stale_s: Positive = 0.5
     """A source that is silent for longer, or sees nothing, is blind, s."""
     memory_s: Positive = 3.0
@@ -122,6 +125,7 @@ class LimiterConfig(Section, frozen=True, kw_only=True):
                 f"margin_m: got {self.margin_m}, expected at most h_desired_m - h_min_m = "
                 f"{self.h_desired_m - self.h_min_m:g}, or the braking bound would not reach h_desired_m"
             )
+        _check_rising(self, ("late_s", "stale_s"))
         if self.floor_m is not None and self.ceiling_m is not None and self.floor_m >= self.ceiling_m:
             raise ConfigError(f"floor_m: got {self.floor_m}, expected less than ceiling_m = {self.ceiling_m}")
         if 0 < len(self.fence) < 3:

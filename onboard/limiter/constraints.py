@@ -11,7 +11,7 @@ import numpy as np
 
 from onboard.limiter import compiled
 from onboard.limiter.config import LimiterConfig
-from onboard.limiter.law import FULL_FROM_M_S, repulsion, stoppable
+from onboard.limiter.law import FULL_FROM_M_S, repulsion, stoppable, stopped_as_a_whole
 from onboard.limiter.numbers import BRAKES_WITHIN_M, CREEP_M_S, HELD_FROM_M_S, YIELD_M_S, given_back, numbers
 
 Array = np.ndarray
@@ -156,7 +156,8 @@ def braking_bound(room_m: Array, normals: Array, motion: Motion, config: Limiter
         config: what it can do.
     """
     bound = stoppable(room_m, config)
-    excess = np.maximum(towards(normals, motion.flown) - bound, 0.0)
+    speed = np.sqrt((motion.flown * motion.flown).sum(axis=-1, keepdims=True))
+    excess = np.maximum(towards(normals, motion.flown) - stopped_as_a_whole(bound, speed, config), 0.0)
     braked = _braked(bound, excess, towards(normals, motion.braking), config)
     return Bounds(normals, braked, excess, np.ones(bound.shape, dtype=bool))
 

@@ -115,6 +115,21 @@ def stoppable(room_m: Array | float, config: LimiterConfig, closing_m_s: Array |
     return np.sqrt(linear * linear + 2.0 * a * free) - linear
 
 
+def stopped_as_a_whole(bound_m_s: Array | float, speed_m_s: Array | float, config: LimiterConfig) -> Array:
+    """What a bound from `stoppable` becomes for a vehicle that is faster than it across the way, and brakes straight.
+
+    The room is v_b t + v_b²/(2 a), of which a flight at a speed v uses v_n t + v_n v/(2 a) towards the obstacle.
+
+    Args:
+        bound_m_s: v_b, m/s; what is not positive stays.
+        speed_m_s: v, m/s; one that is not above the bound changes nothing.
+        config: what the vehicle can do.
+    """
+    bound, twice, t = np.asarray(bound_m_s, dtype=float), 2.0 * config.stop_deceleration_m_s2, config.stop_delay_s
+    positive = np.maximum(bound, 0.0)
+    return np.minimum(bound, positive * (t + positive / twice) / (t + np.maximum(speed_m_s, positive) / twice))
+
+
 def stopping_distance_m(v_m_s: float, config: LimiterConfig) -> float:
     """Distance covered from a stop command at a speed to rest, m."""
     return v_m_s * config.stop_delay_s + v_m_s * v_m_s / (2.0 * config.stop_deceleration_m_s2)
@@ -123,16 +138,22 @@ def stopping_distance_m(v_m_s: float, config: LimiterConfig) -> float:
 def sight_speed(free_m_s: Array | float, age_s: Array | float, silent_s: Array | float, config: LimiterConfig) -> Array:
     """Fastest speed towards a place by how long ago it was looked at, m/s.
 
+    A place that was looked at stays known for a while, as long as something else is looked at meanwhile. While nothing
+    is, whoever comes in at the edge of the last picture is not seen, and a vehicle that goes on outruns the picture
+    that would show them: it slows down as soon as the next one is late.
+
     Args:
         free_m_s: what may be flown where it is looked at now, m/s.
         age_s: since it was looked at, s.
         silent_s: since any source has seen anything, s; a long silence is a standstill.
         config: ageing.
     """
-    span_s = max(config.memory_s - config.stale_s, 1e-3)
+    span_s, silent = max(config.memory_s - config.stale_s, 1e-3), np.asarray(silent_s, dtype=float)
     known = np.clip((config.memory_s - np.asarray(age_s, dtype=float)) / span_s, 0.0, 1.0)
+    sight = np.clip((config.stale_s - silent) / (config.stale_s - config.late_s), 0.0, 1.0)
+    known = np.minimum(known, sight * sight)  # at once, and without a jump: most of it goes while the vehicle is fast
     speed = config.unseen_speed_m_s + known * np.maximum(free_m_s - config.unseen_speed_m_s, 0.0)
-    blind_s = np.asarray(silent_s, dtype=float) - config.stale_s - config.unseen_stop_s
+    blind_s = silent - config.stale_s - config.unseen_stop_s
     return speed * (1.0 - np.clip(blind_s / _FALL_S, 0.0, 1.0))
 
 

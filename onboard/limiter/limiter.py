@@ -20,7 +20,7 @@ from onboard.limiter.constraints import (
     towards,
 )
 from onboard.limiter.law import Zone, zone
-from onboard.limiter.project import project, project_many, retreat, retreat_many
+from onboard.limiter.project import project, project_many, project_whole_stops, retreat, retreat_many
 from onboard.limiter.surroundings import Surroundings
 from onboard.limiter.volume import edges
 
@@ -73,10 +73,11 @@ def limit(
     """The velocity nearest to the asked one that keeps to the law for every obstacle and edge.
 
     Each obstacle sets a half-space v·n <= bound: the lesser of the comfortable curve and the braking bound; each edge
-    of the flight volume one more. The velocity is projected onto all of them, negative ones as standstill
-    (`project.project`); where one is negative it then brakes or backs away (`project.retreat`), under the hard bounds;
-    then its speed is cut to what the sight in its direction allows. So the result is never longer than what was asked,
-    but for braking and push-back, both capped; what approaches nothing, in sight, passes unchanged.
+    of the flight volume one more. The velocity is projected onto all of them, negative ones as standstill, the braking
+    bounds for a vehicle that stops as a whole from it (`project.project_whole_stops`). Where one is negative it then
+    brakes or backs away (`project.retreat`), under the hard bounds; then its speed is cut to what the sight in its
+    direction allows. So the result is never longer than what was asked, but for braking and push-back, both capped;
+    what approaches nothing, in sight, passes unchanged.
 
     Args:
         ned_v_m_s: asked velocity, NED, m/s.
@@ -103,7 +104,7 @@ def limit(
     intended = ned_v_m_s if ned_intended_v_m_s is None else ned_intended_v_m_s
     motion = Motion(*(np.array(v) for v in (ned_v_m_s, intended, ned_vehicle_v_m_s, braking_ned_v_m_s)))
     rows, kinds = _rows(around, motion, ned_p_m, config)
-    v = bounded(motion.asked, rows)
+    v, rows = bounded(motion.asked, rows, config)
     # A setpoint against the motion brakes and leads nowhere: sight does not bound it.
     fastest = max(around.fastest_m_s(_vector(v)), float(deepest_braking(rows)))
     speed = math.sqrt(float(v @ v))
@@ -124,8 +125,8 @@ def limit(
     )
 
 
-def bounded(asked_m_s: Array, rows: Bounds) -> Array:
-    """The nearest velocity under every bound, then braking and retreat where a bound is below zero, (3,), m/s.
+def bounded(asked_m_s: Array, rows: Bounds, config: LimiterConfig) -> tuple[Array, Bounds]:
+    """The nearest velocity under every bound, then braking and retreat where a bound is below zero.
 
     What brakes or backs away keeps to the hard bounds, not to the curves of obstacles that are not in its way: behind
     the vehicle a curve would leave no room to give way to.
@@ -133,25 +134,38 @@ def bounded(asked_m_s: Array, rows: Bounds) -> Array:
     Args:
         asked_m_s: velocity, (3,).
         rows: R half-spaces.
+        config: what the vehicle can do.
+
+    Returns:
+        The velocity, (3,), m/s, and the half-spaces, the hard ones as low as they are at its speed.
     """
-    bounds = rows.bounds_m_s
-    v = project(asked_m_s, rows.normals, np.maximum(bounds, 0.0))
-    if not (bounds < 0.0).any():
-        return v
-    away, firm = retreat(v, rows.normals, bounds), _firm(rows)
+    if not len(rows.bounds_m_s):
+        return asked_m_s, rows
+    many, together = _projected(asked_m_s[None], Bounds(*(part[None] for part in rows)), config)
+    v, rows = many[0], Bounds(*(part[0] for part in together))
+    if not (rows.bounds_m_s < 0.0).any():
+        return v, rows
+    away, firm = retreat(v, rows.normals, rows.bounds_m_s), _firm(rows)
     around = project(away, rows.normals, firm)
-    return around + _braking_share(rows)[..., None] * (_straight(v, away, rows.normals, firm) - around)
+    return around + _braking_share(rows)[..., None] * (_straight(v, away, rows.normals, firm) - around), rows
 
 
-def bounded_many(asked_m_s: Array, rows: Bounds) -> Array:
-    """`bounded` for many vehicles, (N, 3), each with R half-spaces of its own: (N, 3), m/s."""
-    v = project_many(asked_m_s, rows.normals, np.maximum(rows.bounds_m_s, 0.0))
+def bounded_many(asked_m_s: Array, rows: Bounds, config: LimiterConfig) -> tuple[Array, Bounds]:
+    """`bounded` for many vehicles, (N, 3), each with R half-spaces of its own."""
+    v, rows = _projected(asked_m_s, rows, config)
     back = np.nonzero((rows.bounds_m_s < 0.0).any(axis=1))[0]
     some = Bounds(*(part[back] for part in rows))
     away, firm = retreat_many(v[back], some.normals, some.bounds_m_s), _firm(some)
     around = project_many(away, some.normals, firm)
     v[back] = around + _braking_share(some)[..., None] * (_straight(v[back], away, some.normals, firm) - around)
-    return v
+    return v, rows
+
+
+def _projected(asked_m_s: Array, rows: Bounds, config: LimiterConfig) -> tuple[Array, Bounds]:
+    """Velocities (N, 3) under every bound, negative ones as standstill, and the half-spaces at their speeds."""
+    bounds = rows.bounds_m_s
+    v, lowered = project_whole_stops(asked_m_s, rows.normals, np.maximum(bounds, 0.0), rows.firm, config)
+    return v, rows._replace(bounds_m_s=np.where(bounds < 0.0, bounds, lowered))
 
 
 def _straight(v: Array, away: Array, normals: Array, firm: Array) -> Array:

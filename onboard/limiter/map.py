@@ -178,7 +178,7 @@ class ObstacleMap:
             moved = np.array(ned_p_m) - self._cell_place_m
             left_m = np.maximum(self._cell_range_m - np.sqrt((moved * moved).sum(axis=-1)), 0.0)
             age_s = (t_ns - self._cell_ns) / 1e9
-        elif silent_s > config.stale_s:
+        elif silent_s > config.late_s:
             left_m, age_s = np.full((ROWS, COLUMNS), config.h_max_m), np.full((ROWS, COLUMNS), silent_s)
         else:
             return None, None

@@ -12,7 +12,8 @@ import math
 
 import numpy as np
 
-from onboard.limiter import compiled
+from onboard.limiter import compiled_projection
+from onboard.limiter.config import LimiterConfig
 
 Array = np.ndarray
 
@@ -96,10 +97,49 @@ def project_many(v_m_s: Array, normals: Array, bounds_m_s: Array) -> Array:
         (N, 3), m/s.
     """
     v, normals, bounds_m_s = np.empty(v_m_s.shape), np.ascontiguousarray(normals), np.ascontiguousarray(bounds_m_s)
-    ended = compiled.fill_projections(np.ascontiguousarray(v_m_s), normals, bounds_m_s, TOLERANCE_M_S, v)
+    ended = compiled_projection.fill_projections(np.ascontiguousarray(v_m_s), normals, bounds_m_s, TOLERANCE_M_S, v)
     for index in () if ended.all() else np.nonzero(~ended)[0]:
         v[index] = scaled(v_m_s[index], normals[index], bounds_m_s[index])
     return v
+
+
+def project_whole_stops(
+    v_m_s: Array, normals: Array, bounds_m_s: Array, firm: Array, config: LimiterConfig
+) -> tuple[Array, Array]:
+    """Nearest velocities from which a vehicle that is braked straight, as a whole, keeps to its rooms.
+
+    A firm bound says which speed can be stopped within a room, where that is all the speed there is. Of an oblique
+    flight at v the deceleration takes v_n/v towards the obstacle, so that v_n (delay + v/(2 a)) <= room is what holds:
+    the bound at the speed v (`law.stopped_as_a_whole`). The faster the result may be, the lower the bounds: there is
+    one speed that is that of the velocity projected onto its own bounds, and it depends continuously on the inputs.
+    Straight at an obstacle nothing changes.
+
+    Args:
+        v_m_s: (N, 3), m/s.
+        normals: (N, K, 3).
+        bounds_m_s: (N, K), m/s, not negative.
+        firm: which of them are what can be stopped within a room, (N, K).
+        config: what the vehicle can do.
+
+    Returns:
+        The velocities (N, 3) and the bounds that they keep to (N, K), m/s.
+    """
+    bounds_m_s, normals = np.ascontiguousarray(bounds_m_s), np.ascontiguousarray(normals)
+    v, lowered = np.empty(v_m_s.shape), np.empty(bounds_m_s.shape)
+    ended = compiled_projection.fill_whole_stops(
+        np.ascontiguousarray(v_m_s),
+        normals,
+        bounds_m_s,
+        np.ascontiguousarray(firm),
+        config.stop_delay_s,
+        config.stop_deceleration_m_s2,
+        TOLERANCE_M_S,
+        lowered,
+        v,
+    )
+    for index in () if ended.all() else np.nonzero(~ended)[0]:
+        v[index] = scaled(v_m_s[index], normals[index], lowered[index])
+    return v, lowered
 
 
 def retreat_many(v_m_s: Array, normals: Array, bounds_m_s: Array) -> Array:

@@ -18,9 +18,9 @@ from onboard.helm.setpoint import AccelerationSetpoint
 from onboard.helm.telemetry import AttitudeSample, PositionSample, Telemetry
 from onboard.limiter.config import LimiterConfig
 from onboard.limiter.constraints import Bounds, Motion, nearest_ahead, obstacle_rows, plain_rows
-from onboard.limiter.law import stoppable, stopping_distance_m
+from onboard.limiter.law import stoppable, stopped_as_a_whole, stopping_distance_m
 from onboard.limiter.limiter import bounded, bounded_many, limit
-from onboard.limiter.project import project
+from onboard.limiter.project import project, project_whole_stops
 from onboard.limiter.surroundings import Surroundings, of_obstacles
 
 CONFIGS = [
@@ -88,8 +88,7 @@ def test_it_is_never_faster_towards_an_obstacle_than_the_bound(asked, flown, obs
 @_FAST
 def test_a_stop_from_what_it_allows_keeps_h_min_to_every_obstacle_on_its_way(asked, flown, obstacles, config):
     """Instant by instant, straight on with the delay and the deceleration of the configuration; but for obstacles that
-    would come nearer than h_min and the margin to a vehicle that stands. The bound counts the speed towards the nearest
-    place alone: braked as a whole, an oblique flight goes v_n (v - v_n)/(2 a) farther there.
+    would come nearer than h_min and the margin to a vehicle that stands.
     """
     v = np.array(limit(asked, of_obstacles(obstacles), config, ned_vehicle_v_m_s=flown).ned_v_m_s)
     speed, delay_s, braking = _size(v), config.stop_delay_s, config.stop_deceleration_m_s2
@@ -98,13 +97,10 @@ def test_a_stop_from_what_it_allows_keeps_h_min_to_every_obstacle_on_its_way(ask
         t_s, places = _way(obstacle, config)
         if np.linalg.norm(places, axis=1).min() < kept_m:
             continue
-        place = (np.array([obstacle.distance_m]), np.array([obstacle.ned_direction]), np.array([obstacle.ned_v_m_s]))
-        towards = float(nearest_ahead(*place, config)[1][0] @ v)
-        oblique_m = max(towards, 0.0) * (speed - towards) / (2.0 * braking)
         slowing_s = np.clip(t_s - delay_s, 0.0, speed / braking)
         way_m = speed * (np.minimum(t_s, delay_s) + slowing_s) - 0.5 * braking * slowing_s**2
         flown_m = way_m[:, None] * (v / max(speed, 1e-9))
-        assert np.linalg.norm(places - flown_m, axis=1).min() >= kept_m - oblique_m - 1e-5
+        assert np.linalg.norm(places - flown_m, axis=1).min() >= kept_m - 1e-5
 
 
 @given(_VELOCITY, _VELOCITY, _OBSTACLES, _CONFIG)
@@ -252,6 +248,23 @@ def test_the_projection_is_the_nearest_point(asked, rows):
         assert (v - w) @ (share * x - w) <= 1e-4, "three nearly dependent normals cost a few digits"
 
 
+@given(_VELOCITY, _ROWS, st.lists(st.booleans(), min_size=12, max_size=12))
+@_FAST
+def test_the_hard_bounds_are_those_of_a_stop_as_a_whole_from_the_result(asked, rows, hard):
+    """It is the nearest velocity under bounds as low as its own speed makes them."""
+    config, v = LimiterConfig(), np.array(asked)
+    normals, bounds = np.array([n for n, _ in rows]), np.maximum([b for _, b in rows], 0.0)
+    firm = np.array(hard[: len(rows)])
+    (w,), (lowered,) = project_whole_stops(v[None], normals[None], bounds[None], firm[None], config)
+    at_its_speed = np.where(firm, stopped_as_a_whole(bounds, _size(w), config), bounds)
+    assert (lowered <= bounds).all() and (lowered >= at_its_speed - 1e-6).all()
+    assert np.allclose(w, project(v, normals, lowered), atol=1e-6)
+    assert np.allclose(w, project(v, normals, at_its_speed), atol=1e-5)
+    towards, whole_s = normals @ w, config.stop_delay_s + _size(w) / (2.0 * config.stop_deceleration_m_s2)
+    rooms_m = np.array([stopping_distance_m(b, config) for b in bounds])
+    assert (towards * whole_s <= np.where(firm, rooms_m, np.inf) + 1e-6).all()
+
+
 @given(
     st.lists(
         st.tuples(_VELOCITY, st.lists(st.tuples(_unit(), st.floats(-0.5, 2.0)), min_size=4, max_size=4)),
@@ -265,6 +278,8 @@ def test_many_at_once_are_the_same_as_one_by_one(cases):
     bounds = np.array([[b for _, b in rows] for _, rows in cases])
     normals = np.array([[n for n, _ in rows] for _, rows in cases])
     rows = Bounds(normals, bounds, np.zeros_like(bounds), np.tile([False, False, True, True], (len(cases), 1)))
-    together = bounded_many(asked, rows)
+    config = LimiterConfig()
+    together, _ = bounded_many(asked, rows, config)
     for k in range(len(cases)):
-        assert np.allclose(together[k], bounded(asked[k], Bounds(*(part[k] for part in rows))), atol=1e-9)
+        alone, _ = bounded(asked[k], Bounds(*(part[k] for part in rows)), config)
+        assert np.allclose(together[k], alone, atol=1e-9)

@@ -20,7 +20,8 @@ _CONFIG = st.sampled_from(
 )
 _VELOCITY = st.tuples(*[st.floats(-3.0, 3.0)] * 3)
 _WALK = st.tuples(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5), st.just(0.0))
-_FAST = settings(max_examples=100, deadline=None)
+_FAST = settings(max_examples=max(100, settings().max_examples))
+"""As many as the profile says, where it says more."""
 _STILL = np.zeros(3)
 
 

@@ -42,6 +42,8 @@ KILL_AT_M = 4.0
 PERSON_NE_M = (7.0, 9.2)
 """Where the person stops in the vehicle's way."""
 WALL_NE_M, BARREL_NE_M, CORNER_NE_M = (-1.4, 7.5), (0.2, 17.3), (10.54, 18.56)
+CORNER_FROM_NE_M = (-0.36, 14.6)
+"""On the line that halves the corner's angle, and not beside the barrel."""
 SCENARIO = f"""
 seed = 11
 
@@ -282,7 +284,7 @@ def test_a_barrel(pilot: Pilot) -> None:
 
 
 def test_into_a_corner_of_two_walls(pilot: Pilot) -> None:
-    leg = pilot.push((BARREL_NE_M[0], 14.8), CORNER_NE_M, 12.0, until=pilot.arrived("wall 3", SETTLED_M))
+    leg = pilot.push(CORNER_FROM_NE_M, CORNER_NE_M, 12.0, until=pilot.arrived("wall 3", SETTLED_M))
     both_m = [leg.distances_m(wall)[-1] for wall in ("wall 3", "wall 4")]
     print(f"corner: {leg}, {both_m}")
     leg.check()

@@ -10,7 +10,15 @@ import pytest
 
 from common.config import ConfigError, build
 from onboard.limiter.config import LimiterConfig
-from onboard.limiter.law import coefficients, monotone, repulsion, stoppable, stopping_distance_m, zone
+from onboard.limiter.law import (
+    coefficients,
+    monotone,
+    repulsion,
+    stoppable,
+    stopped_as_a_whole,
+    stopping_distance_m,
+    zone,
+)
 
 CONFIG = LimiterConfig()
 PAPER = LimiterConfig(h_min_m=0.7, v_max_m_s=3.0, h_max_m=8.0)
@@ -95,6 +103,17 @@ def test_the_stoppable_speed_uses_up_the_room_exactly(v: float, closing: float):
     t_s = CONFIG.stop_delay_s + v / CONFIG.stop_deceleration_m_s2
     room_m = stopping_distance_m(v, CONFIG) + closing * t_s
     assert stoppable(room_m, CONFIG, closing) == pytest.approx(v)
+
+
+@pytest.mark.parametrize("v", [0.0, 0.2, 1.0])
+@pytest.mark.parametrize("speed", [0.0, 0.5, 2.1])
+def test_a_stop_as_a_whole_uses_up_the_same_room(v: float, speed: float):
+    """Of the deceleration of a faster flight v_n/v is left towards the obstacle; straight at it nothing changes."""
+    towards = float(stopped_as_a_whole(v, speed, CONFIG))
+    whole_s = CONFIG.stop_delay_s + max(speed, v) / (2.0 * CONFIG.stop_deceleration_m_s2)
+    assert towards * whole_s == pytest.approx(stopping_distance_m(v, CONFIG))
+    assert towards == v or towards < v < speed
+    assert stopped_as_a_whole(-0.3, speed, CONFIG) == -0.3, "what backs away is left alone"
 
 
 def test_zones():
