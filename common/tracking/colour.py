@@ -21,6 +21,7 @@ BINS_PER_CHANNEL = 8
 BINS = BINS_PER_CHANNEL**3
 """Bins of the colour space (Teulière 2011, section IV)."""
 BIN_WIDTH = 256 // BINS_PER_CHANNEL
+"""Width of a bin in each channel, grey levels."""
 _VALUES = np.arange(256) / BIN_WIDTH
 _PLACE_VALUES = np.array([[BINS_PER_CHANNEL**2], [BINS_PER_CHANNEL], [1]], np.uint16)
 _OFFSET_STEP = 8

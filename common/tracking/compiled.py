@@ -19,6 +19,41 @@ _LANES = 4
 
 
 @njit(nogil=True)
+def _fill_table(gain, offsets, width, count, table):  # type: ignore[no-untyped-def]
+    """As `ColourBins.table`, for one gain (3,)."""
+    place = count * count
+    for channel in range(3):
+        shift = offsets[channel] / width
+        for value in range(256):
+            table[channel, value] = np.int64(min(value / width * gain[channel] + shift, count - 1.0)) * place
+        place //= count
+
+
+@njit("UniTuple(i8,4)(f8[:,:],f8,f8,f8,i8,i8)", cache=True, nogil=True)
+def touched(states, aspect, across, along, columns, rows):  # type: ignore[no-untyped-def]
+    """Window of a picture that the kernels of all states (N, 4) touch: left, top, right, bottom, px.
+
+    Args:
+        states: (N, 4), x, y (px), psi (rad), 1/sqrt(A) (1/px).
+        aspect: h / w.
+        across: how far a kernel reaches from the rectangle's centre along its x, in units of w.
+        along: the same along its y, in units of h.
+        columns: width of the picture, px.
+        rows: its height, px.
+    """
+    width = 1.0 / (states[:, 3].min() * math.sqrt(aspect))
+    across, along = across * width, along * width * aspect
+    if len(states) == 1:  # the rectangle around the kernels, turned; for many the circle around it
+        cosine, sine = abs(math.cos(states[0, 2])), abs(math.sin(states[0, 2]))
+        reach_x, reach_y = across * cosine + along * sine + 1.0, across * sine + along * cosine + 1.0
+    else:
+        reach_x = reach_y = math.hypot(across, along) + 1.0
+    left, top = int(max(0.0, states[:, 0].min() - reach_x)), int(max(0.0, states[:, 1].min() - reach_y))
+    right, bottom = int(states[:, 0].max() + reach_x) + 1, int(states[:, 1].max() + reach_y) + 1
+    return left, top, min(columns, right), min(rows, bottom)
+
+
+@njit(nogil=True)
 def _fill_slots(frame, table, slot_of_bin, left, top, right, bottom, checkered, slots):  # type: ignore[no-untyped-def]
     for y in range(top, bottom):
         odd = y & checkered
@@ -112,36 +147,40 @@ def _fill_distances(
 
 # A given signature compiles when the module is imported (and is kept on disk), not when the first target is selected.
 @njit(
-    "void(u1[:,:,:],u2[:,:,::1],u2[::1],i8,i8,i8,i8,i8,u2[:,::1],f8[:,::1],f8,f8[:,::1],f8,f8,f8[:,::1],f8[:,::1])",
+    "void(u1[:,:,:],f8[:,::1],i8[::1],i8,i8,u2[::1],i8,u2[:,::1],f8[:,::1],f8,f8,f8,f8[:,::1],f8,f8,f8[:,::1],f8[:,::1])",
     cache=True,
     nogil=True,
 )
 def fill_distances(  # type: ignore[no-untyped-def]
-    frame, tables, slot_of_bin, left, top, right, bottom, checkered, slots,
-    states, aspect, centers, half_width, half_height, root_reference, distances,
+    frame, gains, offsets, bin_width, bins, slot_of_bin, checkered, slots,
+    states, aspect, across, along, centers, half_width, half_height, root_reference, distances,
 ):  # fmt: skip
-    """Mean Bhattacharyya distance of each state under each table of bins (Teulière 2011, eqs 1 to 4).
+    """Mean Bhattacharyya distance of each state under each gain (Teulière 2011, eqs 1 to 4).
 
     Args:
         frame: (H, W, 3) uint8.
-        tables: (T, 3, 256) uint16, what each value of a channel adds to the bin's number.
+        gains: (T, 3), B, G, R: factors on the picture's values before they are binned.
+        offsets: (3,) shift of each channel's bins, grey levels.
+        bin_width: width of a bin, grey levels.
+        bins: how many there are in each channel.
         slot_of_bin: (512,) uint16, column of `root_reference` of each bin.
-        left: first column of the window that the states touch.
-        top: its first row.
-        right: column after its last.
-        bottom: row after its last.
         checkered: 1 for every other pixel of a row, one further on in the next one; 0 for every pixel.
         slots: (H, W) uint16, for its own use.
         states: (N, 4), x, y (px), psi (rad), 1/sqrt(A) (1/px).
         aspect: h / w.
+        across: how far a kernel reaches from the rectangle's centre along its x, in units of w.
+        along: the same along its y, in units of h.
         centers: (K, 2) kernel centres in units of (w, h).
         half_width: half-axis of the kernels along the rectangle's x, in units of w.
         half_height: the other one, in units of h.
         root_reference: (K, C) square roots of the reference histograms.
         distances: (T, N), written.
     """
-    for t in range(tables.shape[0]):
-        _fill_slots(frame, tables[t], slot_of_bin, left, top, right, bottom, checkered, slots)
+    left, top, right, bottom = touched(states, aspect, across, along, frame.shape[1], frame.shape[0])
+    table = np.empty((3, 256), np.uint16)
+    for t in range(gains.shape[0]):
+        _fill_table(gains[t], offsets, bin_width, bins, table)
+        _fill_slots(frame, table, slot_of_bin, left, top, right, bottom, checkered, slots)
         _fill_distances(
             slots,
             frame.shape[1],

@@ -15,7 +15,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from common.tracking import compiled
-from common.tracking.colour import BINS, ColourBins, binned, place_bins
+from common.tracking.colour import BIN_WIDTH, BINS, BINS_PER_CHANNEL, ColourBins, binned, place_bins
 
 X, Y, PSI, SCALE = range(4)
 """Entries of a state: x, y (px), psi (rad), 1/sqrt(A) (1/px) (Teulière 2011, section II-B)."""
@@ -131,11 +131,13 @@ class HistogramModel:
         Returns:
             (N,), 0 to 1.
         """
-        return self._sums.distances(*_thinned(frame, states, thinning), self.bins.table(gain)[None])[0]
+        gains = np.empty((1, 3))
+        gains[:] = gain
+        return self._sums.distances(*_thinned(frame, states, thinning), gains)[0]
 
     def relit(self, frame: np.ndarray, state: np.ndarray, gains: np.ndarray, thinning: int = 0) -> np.ndarray:
         """Mean Bhattacharyya distance (G,) of one state (4,) under each of the gains (G, 3)."""
-        return self._sums.distances(*_thinned(frame, state[None], thinning), self.bins.table(gains))[:, 0]
+        return self._sums.distances(*_thinned(frame, state[None], thinning), gains)[:, 0]
 
 
 def _thinned(frame: np.ndarray, states: np.ndarray, thinning: int) -> tuple[np.ndarray, np.ndarray, bool]:
@@ -147,8 +149,8 @@ def _thinned(frame: np.ndarray, states: np.ndarray, thinning: int) -> tuple[np.n
 
 
 class _Sums(Protocol):
-    def distances(self, frame: np.ndarray, states: np.ndarray, checkered: bool, tables: np.ndarray) -> np.ndarray:
-        """Distances (T, N) of states (N, 4) under tables (T, 3, 256) of `ColourBins.table`, over all pixels or half."""
+    def distances(self, frame: np.ndarray, states: np.ndarray, checkered: bool, gains: np.ndarray) -> np.ndarray:
+        """Distances (T, N) of states (N, 4) under gains (T, 3) on the picture's values, over all pixels or half."""
         ...
 
 
@@ -159,12 +161,13 @@ class _NumpySums:
         self._model = model
         self._root_reference = np.sqrt(model.reference)
 
-    def distances(self, frame: np.ndarray, states: np.ndarray, checkered: bool, tables: np.ndarray) -> np.ndarray:
+    def distances(self, frame: np.ndarray, states: np.ndarray, checkered: bool, gains: np.ndarray) -> np.ndarray:
         model = self._model
-        left, top, right, bottom = _touched(states, model.aspect, model.kernels, frame.shape)
+        rows, columns = frame.shape[:2]
+        left, top, right, bottom = compiled.touched(states, model.aspect, *model.kernels.reach, columns, rows)
         frame_bins = np.zeros(frame.shape[:2], np.uint16)
-        result = np.empty((len(tables), len(states)))
-        for distances, table in zip(result, tables, strict=True):
+        result = np.empty((len(gains), len(states)))
+        for distances, table in zip(result, model.bins.table(gains), strict=True):
             if right > left and bottom > top:
                 frame_bins[top:bottom, left:right] = binned(frame[top:bottom, left:right], table)
             for i, state in enumerate(states):
@@ -186,36 +189,20 @@ class _CompiledSums:
         self._slot_of_bin[held] = np.arange(len(held), dtype=np.uint16)
         self._root_reference = np.zeros((len(self._centers), len(held) + 1))
         self._root_reference[:, :-1] = np.sqrt(model.reference[:, held])
+        self._offsets = np.array(model.bins.offsets, np.int64)
         self._slots: dict[tuple[int, ...], np.ndarray] = {}
 
-    def distances(self, frame: np.ndarray, states: np.ndarray, checkered: bool, tables: np.ndarray) -> np.ndarray:
+    def distances(self, frame: np.ndarray, states: np.ndarray, checkered: bool, gains: np.ndarray) -> np.ndarray:
         model = self._model
         if frame.shape not in self._slots:
             self._slots[frame.shape] = np.zeros(frame.shape[:2], np.uint16)
-        window = _touched(states, model.aspect, model.kernels, frame.shape)
-        result = np.empty((len(tables), len(states)))
+        result = np.empty((len(gains), len(states)))
         compiled.fill_distances(
-            frame, np.ascontiguousarray(tables), self._slot_of_bin, *window, int(checkered), self._slots[frame.shape],
-            np.ascontiguousarray(states), model.aspect, self._centers, *model.kernels.half_axes, self._root_reference,
-            result,
+            frame, gains, self._offsets, BIN_WIDTH, BINS_PER_CHANNEL, self._slot_of_bin, int(checkered),
+            self._slots[frame.shape], np.ascontiguousarray(states), model.aspect, *model.kernels.reach, self._centers,
+            *model.kernels.half_axes, self._root_reference, result,
         )  # fmt: skip
         return result
-
-
-def _touched(states: np.ndarray, aspect: float, kernels: Kernels, shape: tuple[int, ...]) -> tuple[int, int, int, int]:
-    """Window of a picture that the kernels of all states touch: left, top, right, bottom."""
-    across, along = kernels.reach
-    least, most = states.min(axis=0).tolist(), states.max(axis=0).tolist()
-    width = 1.0 / (least[SCALE] * math.sqrt(aspect))
-    across, along = across * width, along * width * aspect
-    if len(states) == 1:  # the rectangle around the kernels, turned; for many the circle around it
-        cosine, sine = abs(math.cos(least[PSI])), abs(math.sin(least[PSI]))
-        reach_x, reach_y = across * cosine + along * sine + 1.0, across * sine + along * cosine + 1.0
-    else:
-        reach_x = reach_y = math.hypot(across, along) + 1.0
-    left, top = max(0, int(least[X] - reach_x)), max(0, int(least[Y] - reach_y))
-    right, bottom = int(most[X] + reach_x) + 1, int(most[Y] + reach_y) + 1
-    return left, top, min(shape[1], right), min(shape[0], bottom)
 
 
 def learn_model(

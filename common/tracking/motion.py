@@ -43,34 +43,38 @@ class ConstantVelocity:
         self.value = value.copy()
         self.rate = np.zeros(4)
         self._noise = noise
-        self._covariance = np.zeros((4, 2, 2))  # of (value, rate), for each of the four
-        self._covariance[:, 0, 0] = noise.measured**2
-        self._covariance[:, 1, 1] = noise.start**2
+        # Variances of value and rate, and their covariance, for each of the four: (4,).
+        self._of_value, self._of_both, self._of_rate = noise.measured**2, np.zeros(4), noise.start**2
 
     @property
     def rate_std(self) -> np.ndarray:
         """Standard deviation of the rates, (4,), 1/s."""
-        return np.sqrt(self._covariance[:, 1, 1])
+        return np.sqrt(self._of_rate)
+
+    def kept(self, dt_s: float) -> np.ndarray:
+        """What is left of the rates after a time, s: factors (4,)."""
+        return np.exp(-dt_s / self._noise.memory_s)
 
     def predict(self, dt_s: float) -> None:
         """Move on by a time, s."""
-        memory = np.exp(-dt_s / self._noise.memory_s)
+        memory, walk = self.kept(dt_s), self._noise.walk**2  # white-noise acceleration
         self.value = self.value + self.rate * dt_s
         self.value[2] = wrap_angle(self.value[2])
         self.rate = self.rate * memory
-        transition = np.zeros((4, 2, 2))
-        transition[:, 0, 0], transition[:, 0, 1], transition[:, 1, 1] = 1.0, dt_s, memory
-        growth = np.array([[dt_s**3 / 3, dt_s**2 / 2], [dt_s**2 / 2, dt_s]])  # white-noise acceleration
-        self._covariance = transition @ self._covariance @ transition.transpose(0, 2, 1)
-        self._covariance += (self._noise.walk**2)[:, None, None] * growth
+        carried = self._of_both + dt_s * self._of_rate
+        self._of_value = self._of_value + dt_s * (self._of_both + carried) + walk * (dt_s**3 / 3)
+        self._of_both = memory * carried + walk * (dt_s**2 / 2)
+        self._of_rate = memory**2 * self._of_rate + walk * dt_s
 
     def correct(self, value: np.ndarray, confidence: float) -> None:
         """Take in the estimate of a picture, (4,); confidence in (0, 1] widens its noise."""
-        variance = (self._noise.measured / confidence) ** 2
         residual = value - self.value
         residual[2] = wrap_angle(residual[2])
-        gain = self._covariance[:, :, 0] / (self._covariance[:, 0, 0] + variance)[:, None]
-        self.value = self.value + gain[:, 0] * residual
+        total = self._of_value + (self._noise.measured / confidence) ** 2
+        of_value, of_rate = self._of_value / total, self._of_both / total
+        self.value = self.value + of_value * residual
         self.value[2] = wrap_angle(self.value[2])
-        self.rate = self.rate + gain[:, 1] * residual
-        self._covariance = self._covariance - gain[:, :, None] * self._covariance[:, None, 0, :]
+        self.rate = self.rate + of_rate * residual
+        self._of_rate = self._of_rate - of_rate * self._of_both
+        self._of_both = self._of_both - of_value * self._of_both
+        self._of_value = self._of_value - of_value * self._of_value

@@ -255,8 +255,7 @@ class ParticleFilterTracker:
         walk = np.array([config.position_noise, config.position_noise, config.angle_noise, config.scale_noise])
         walk *= self._unit * math.sqrt(dt_s) * (1.0 if seen else config.predicted_noise)
         self._states = self._states + self._moved(dt_s) + self._rng.normal(size=self._states.shape) * walk
-        memory_s = np.array([np.inf, np.inf, config.angle_rate_memory_s, config.scale_rate_memory_s])
-        self._rates = self._rates * np.exp(-dt_s / memory_s)
+        self._rates = self._rates * self._motion.kept(dt_s)
         low, high = 1 / (self._size_px * config.max_scale), config.max_scale / self._size_px
         self._states[:, SCALE] = self._states[:, SCALE].clip(low, high)
         rows, columns = self._frame.shape[:2]
