@@ -27,6 +27,7 @@ from onboard.fusion.config import HabDfConfig
 
 PLATFORMS = ("uav", "pan-tilt", "ground")
 _FUSION = "hab-df"
+_AS_IN_FLIGHT = ("hab_df.outline=false",)
 _UAV_FRAMES, _UAV_QUICK = 7200, 900
 _HEAD_FRAMES, _HEAD_QUICK, _HEAD_RUNS, _HEAD_QUICK_RUNS = 900, 210, 5, 2
 _GROUND_M, _GROUND_QUICK_M = 110.0, 7.0
@@ -79,7 +80,8 @@ def _names(config: Config) -> tuple[str, ...]:
 
 def _tracker(name: str, seed: Sequence[int]) -> Tracker:
     """A tracker with randomness of its own, the same alone in whatever order the parts are done."""
-    return make_tracker(name, load_config(None), np.random.default_rng([*seed, zlib.crc32(name.encode())]))
+    rng = np.random.default_rng([*seed, zlib.crc32(name.encode())])
+    return make_tracker(name, load_config(None, _AS_IN_FLIGHT), rng)
 
 
 def _word(name: str) -> str:

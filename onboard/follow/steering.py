@@ -19,6 +19,9 @@ from onboard.proximity.pose import Pose
 Array = NDArray[np.float64]
 _NEAREST_M = 0.3
 """Least distance along the optical axis at which a target is expected in the picture, m."""
+_ASIDE_M, _ASIDE_M_S2 = 0.5, 1.5
+"""How far beside where he is foreseen he may be, m, and half of the acceleration with which he gets further, m/s²: who
+walks beside him is further off."""
 _SIZE_MEMORY_S = 0.5
 """Time constant with which the size of what is expected follows the box, s: what slides before it makes it smaller."""
 
@@ -106,11 +109,27 @@ class Steering:
         self.why_not = self.why_not or f"target not seen for {min(away_s, 999.0):.1f} s"
         return None
 
+    def _beside_m(self, found: Array, pose: Pose, t_ns: int) -> float:
+        """How far a place (3,) is beside the line on which the target is foreseen, over ground, m; 0 of a first one."""
+        state = self._place.at(t_ns)
+        if state is None or not looks_ahead(self._camera):
+            return 0.0
+        towards, where = (state.ned_p_m - pose.ned_p_m)[:2], (found - pose.ned_p_m)[:2]
+        across = float(towards[0] * where[1] - towards[1] * where[0])
+        return abs(across) / max(float(np.hypot(*where)), 1e-6)
+
+    def _reach_m(self, t_ns: int) -> float:
+        """How far aside of where he is foreseen somebody can have stepped since he was last seen, m."""
+        away_s = (t_ns - self._measured_ns) * 1e-9
+        return _ASIDE_M + _ASIDE_M_S2 * away_s**2
+
     def _look(self, t_ns: int, box: Box, pose: Pose, depth_m: Array | None) -> None:
         found = self._sight.place(t_ns, box, pose, depth_m)
         if found is None:
             self.why_not = self._sight.why_not
             return
+        if self._beside_m(found, pose, t_ns) > self._reach_m(t_ns):
+            return  # what is there cannot be he: nobody steps aside so quickly
         if self._measured_ns == 0 and self._config.keep == "whole" and looks_ahead(self._camera):
             level_m = float(np.hypot(*(found - pose.ned_p_m)[:2]))
             self._law.least_m = whole_from_m(self._camera, box, pose, level_m, self._config.slew_m_s2)

@@ -90,6 +90,8 @@ class HabDfConfig(Section, frozen=True, kw_only=True):
 
     members: Annotated[tuple[str, ...], msgspec.Meta(min_length=1)] = ("dsst", "cmt", "struck", "tld")
     """Names of the registry. Three make a majority; of two that disagree, the past tells which to believe."""
+    outline: bool = True
+    """Over films: whether the answer is the whole target, and not the members' box, which the follower flies by."""
     vote_slope: Positive = 16.0
     """`fusion.vote_slope` for boxes: healthy ones of different trackers lie 0.2 to 0.3 target sizes apart."""
     vote_lambda: Positive = 8.0

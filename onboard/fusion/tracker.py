@@ -39,17 +39,18 @@ class HabDfTracker:
     Args:
         members: trackers by name.
         config: parameters of the fusion.
+        outline: whether the answer is the whole target around the fused box (`Outline`), and not that box.
     """
 
     config_type = HabDfConfig
 
-    def __init__(self, members: Mapping[str, Tracker], config: FusionConfig):
+    def __init__(self, members: Mapping[str, Tracker], config: FusionConfig, outline: bool = True):
         self.members = dict(members)
         self.answers: dict[str, TrackResult] = {}
         """What each member said last."""
         self._config = config
         self._fusion: PictureFusion | None = None
-        self._outline = Outline()
+        self._outline, self._outlines = Outline(), outline
         self._told = False
 
     @classmethod
@@ -66,7 +67,7 @@ class HabDfTracker:
         members = {
             name: make_tracker(name, config, child) for name, child in zip(names, rng.spawn(len(names)), strict=True)
         }
-        return cls(members, own.of_boxes(config.section(FusionConfig)))
+        return cls(members, own.of_boxes(config.section(FusionConfig)), own.outline)
 
     def init(self, frame: np.ndarray, box: Box, angle_rad: float = 0.0, t_ns: int | None = None) -> None:
         """Start every member on the upright box around the target."""
@@ -105,7 +106,7 @@ class HabDfTracker:
             return next(iter(self.answers.values()))
         if fusion.vouched:
             self._restart(fusion, frame, box, fused, t_ns)
-        x, y, width, height = self._outlined(fusion, box, fused)
+        x, y, width, height = self._outlined(fusion, box, fused) if self._outlines else box
         center = x + width / 2, y + height / 2
         return TrackResult(center, (width, height), 0.0, fused.confidence, 0.5, _STATES[fused.state], angle_std_rad=0.0)
 

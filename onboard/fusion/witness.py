@@ -113,7 +113,7 @@ class Witness:
             self._broken = True
         clear = self._clearness(grey, t_ns)
         similar = {name: min(1.0, self.likeness(grey, box) / clear) for name, box in boxes.items()}
-        others = frozenset() if fused is None else self._others(similar, boxes, several, fused, t_ns)
+        others = frozenset() if fused is None else self._others(similar, boxes, several, fused, t_ns, foreseen)
         similar = {name: likeness for name, likeness in similar.items() if name not in others}
         boxes = {name: box for name, box in boxes.items() if name not in others}
         begun = self._choose(similar, boxes, fused, t_ns) or _found_alone(similar, boxes, fused if several else None)
@@ -123,14 +123,25 @@ class Witness:
         return Verdict(doubted, others | (boxes.keys() - heard), begun)
 
     def _others(
-        self, similar: Mapping[str, float], boxes: Mapping[str, Box], several: bool, fused: Fused, t_ns: int
+        self,
+        similar: Mapping[str, float],
+        boxes: Mapping[str, Box],
+        several: bool,
+        fused: Fused,
+        t_ns: int,
+        foreseen: Box | None,
     ) -> frozenset[str]:
         """Trackers that are at another thing than the target, by where and how large their box is."""
         if fused.state == "lost":
             return frozenset()  # where it is predicted says nothing any more
         last = _box_of(fused)
         far = out_of_reach(boxes, last, max(0, t_ns - self._agreed_ns) * 1e-9)
-        return far | elsewhere(similar, boxes, last) if several else far
+        if not several:
+            return far
+        if foreseen is None:
+            return far | elsewhere(similar, boxes, last)
+        there = {name for name, box in boxes.items() if as_foreseen(box, foreseen)}
+        return (far | elsewhere(similar, boxes, last)) - there | elsewhere(similar, boxes, foreseen)
 
     def likeness(self, grey: np.ndarray, box: Box) -> float:
         """Relative similarity of a box, less where it correlates with no known patch of the target, 0 to 1.

@@ -15,6 +15,7 @@ import pytest
 
 from common.messages import Health, Track
 from ground.console.page import FOR_FOLLOWER
+from onboard.helm.config import HelmConfig
 from tests.system.console_page import ConsolePage
 from tests.system.stack import Flight, Seen
 
@@ -95,7 +96,8 @@ def test_the_vehicle_follows_by_itself(make_flight: Callable[..., Flight], tmp_p
     flight.wait("take-over", lambda: status.last.state == "follow", 2)
     time.sleep(CUT_S)
     assert status.last.state == "follow", status.last
-    _did_not_jump(setpoints, cut_ns, "pursuit", "follow")
+    slew_m_s2 = flight.stack.config.section(HelmConfig).containment.acceleration_m_s2
+    _did_not_jump(setpoints, cut_ns, "pursuit", "follow", slew_m_s2)
     assert _errors_m(truth, cut_ns).max() < 2.0
     joined_ns = time.monotonic_ns()
     flight.link.join()
@@ -108,7 +110,7 @@ def test_the_vehicle_follows_by_itself(make_flight: Callable[..., Flight], tmp_p
         flight.select()
         flight.wait("hand-back", lambda: status.last.state == "pursuit" and setpoints.last.source == "pursuit", 8)
     time.sleep(0.5)
-    _did_not_jump(setpoints, joined_ns, "follow", "pursuit")
+    _did_not_jump(setpoints, joined_ns, "follow", "pursuit", slew_m_s2)
     assert _errors_m(truth, cut_ns).max() < 2.0
     flight.check_machine()
 
@@ -153,8 +155,9 @@ def _follows_on_with_a_dead_and_a_frozen_tracker(
     assert flight.state == "follow"
 
 
-def _did_not_jump(setpoints: Seen, since_ns: int, giver: str, taker: str) -> None:
+def _did_not_jump(setpoints: Seen, since_ns: int, giver: str, taker: str, slew_m_s2: float) -> None:
     """No hover between the two, and the setpoint of the first one flown is that of the other before, within bounds."""
+    most_m_s2 = 1.25 * slew_m_s2  # stamps of two setpoints may be a quarter off on a busy machine
     around = setpoints.since(since_ns - 500_000_000)
     sources = [s.message.source for s in around]
     first = sources.index(taker)
@@ -163,10 +166,10 @@ def _did_not_jump(setpoints: Seen, since_ns: int, giver: str, taker: str) -> Non
     step = math.dist(before.message.ned_v_m_s[:2], after.message.ned_v_m_s[:2])
     apart_s = (after.header.capture_ns - before.header.capture_ns) / 1e9
     print(f"hand-over {giver} to {taker}: {step:.3f} m/s between setpoints {apart_s:.3f} s apart")
-    assert step <= 5.0 * max(apart_s, 0.02) + 0.05, (step, apart_s)  # what helm's slew allows
+    assert step <= most_m_s2 * max(apart_s, 0.02) + 0.05, (step, apart_s)  # what helm's slew allows
     turn = math.remainder(after.message.yaw_rad - before.message.yaw_rad, math.tau)
     assert abs(turn) < 0.1 and abs(after.message.height_m - before.message.height_m) < 0.1, (before, after)
     for earlier, later in itertools.pairwise(around[max(0, first - 3) : first + 10]):
         change = math.dist(earlier.message.ned_v_m_s[:2], later.message.ned_v_m_s[:2])
         apart_s = (later.header.capture_ns - earlier.header.capture_ns) / 1e9
-        assert change <= 5.0 * max(apart_s, 0.02) + 0.05, (change, apart_s)
+        assert change <= most_m_s2 * max(apart_s, 0.02) + 0.05, (change, apart_s)

@@ -140,3 +140,21 @@ def test_above_a_target_that_is_out_of_sight_its_motion_goes_on() -> None:
     assert state.ned_p_m[0] == pytest.approx(59 / 30 + 1.0, abs=0.05) and state.ned_v_m_s[0] == pytest.approx(
         1, abs=0.05
     )
+
+
+@pytest.mark.parametrize(("aside_m", "after_s"), [(0.3, 0.0), (1.2, 0.6)])
+def test_a_box_that_steps_aside_faster_than_anybody_does_is_not_flown_after_until_it_has_stayed_there(
+    aside_m: float, after_s: float
+) -> None:
+    camera = _camera(0.17)
+    steering = Steering(FollowConfig(), DepthConfig(), camera)
+    t_ns, distance_m = _walking(steering, camera, 0.0, 1.0)
+    box, pose = _seen(camera, distance_m, 0.0)
+    beside = (box[0] + 228.0 * aside_m / distance_m, *box[1:])
+    turns = []
+    for k in range(1, 45):
+        request = steering.step(t_ns + k * S // 30, beside, pose, Vehicle(pose.ned_p_m, np.zeros(3), 0.0, 0.0))
+        assert request is not None
+        turns.append(request.yaw_rate_rad_s)
+    followed_s = next(k for k, turn in enumerate(turns) if turn > 0.03) / 30
+    assert after_s <= followed_s <= after_s + 0.2

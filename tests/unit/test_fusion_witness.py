@@ -54,6 +54,18 @@ def test_what_is_out_of_reach_is_not_heard_unless_the_target_is_lost_anyway() ->
     assert not Witness(GREY, BOX, 0).judge(GREY, boxes, True, _fused("lost"), 50_000_000).silent
 
 
+def test_of_two_that_look_alike_the_one_that_is_where_the_target_is_foreseen_is_heard() -> None:
+    twin: Box = (155.0, 80.0, 40.0, 30.0)
+    both = GREY.copy()
+    both[78:112, 153:197] = GREY[78:112, 98:142]
+    boxes: dict[str, Box] = {"here": BOX, "a": twin, "b": twin}
+    on_target = _fused("tracking", 1.0, 0.1)
+    assert Witness(GREY, BOX, 0).judge(both, boxes, True, on_target, 0).silent == {"a", "b"}
+    assert Witness(GREY, BOX, 0).judge(both, boxes, True, on_target, 0, BOX).silent == {"a", "b"}
+    verdict = Witness(GREY, BOX, 0).judge(both, boxes, True, on_target, 0, twin)
+    assert verdict.silent == {"here"}, "the answer has gone astray; they have not"
+
+
 def test_it_learns_only_where_two_agree_and_then_vouches_for_what_it_learned() -> None:
     witness = Witness(GREY, BOX, 0)
     alone, both = _fused("tracking", 1.0, 0.1), _fused("tracking", 1.0, 0.9)
