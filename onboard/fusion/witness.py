@@ -49,6 +49,8 @@ _CHOSEN = 0.5
 """Least relative similarity of the one that is chosen."""
 _AGREED = 1.2
 """Least sum of the reliabilities of two trackers or more that speak for the fused box."""
+_OUTVOTED_S = 0.5
+"""How long two must have agreed elsewhere for the one that is where the answer is to be given up, s."""
 _BACKGROUND_EVERY = 10
 """Pictures between two looks for what else is like the target."""
 _APART = 0.2
@@ -81,7 +83,7 @@ class Witness:
         self._number = 0
         self._supported_ns = t_ns
         self._chosen: str | None = None
-        self._agreed_ns = t_ns
+        self._agreed_ns = self._alone_ns = t_ns
         self._broken = False
         """Whether the answer has rested on nobody since two trackers, or a sure look, last spoke for it."""
         self._appearance.learn_target(upright_patch(grey, box))
@@ -114,12 +116,15 @@ class Witness:
         clear = self._clearness(grey, t_ns)
         similar = {name: min(1.0, self.likeness(grey, box) / clear) for name, box in boxes.items()}
         others = frozenset() if fused is None else self._others(similar, boxes, several, fused, t_ns, foreseen)
+        majority = () if foreseen is None else self._outvoted(similar, boxes, others, t_ns)
+        others = frozenset(boxes.keys() - majority) if majority else others
         similar = {name: likeness for name, likeness in similar.items() if name not in others}
         boxes = {name: box for name, box in boxes.items() if name not in others}
-        begun = self._choose(similar, boxes, fused, t_ns) or _found_alone(similar, boxes, fused if several else None)
+        among = fused if several else None
+        begun = majority or self._choose(similar, boxes, fused, t_ns) or _found_alone(similar, boxes, among)
         heard = boxes.keys() if self._chosen is None else {self._chosen, *_same_as(self._chosen, boxes)}
         least = _FOUND_UNLIKE if self._broken else _ALONE_THERE_UNLIKE
-        doubted = _doubted(similar, boxes, fused if several else None, least, foreseen)
+        doubted = _doubted(similar, boxes, among, least, foreseen)
         return Verdict(doubted, others | (boxes.keys() - heard), begun)
 
     def _others(
@@ -142,6 +147,21 @@ class Witness:
             return far | elsewhere(similar, boxes, last)
         there = {name for name, box in boxes.items() if as_foreseen(box, foreseen)}
         return (far | elsewhere(similar, boxes, last)) - there | elsewhere(similar, boxes, foreseen)
+
+    def _outvoted(
+        self, similar: Mapping[str, float], boxes: Mapping[str, Box], others: frozenset[str], t_ns: int
+    ) -> tuple[str, ...]:
+        """Two trackers or more that were not heard, once they have agreed for long against the one that was.
+
+        They must look no less like the target: then they are the majority, and the answer has gone astray with the one.
+        """
+        heard = boxes.keys() - others
+        pairs = [{name, *_same_as(name, {n: boxes[n] for n in others})} for name in others]
+        pair: set[str] = max(pairs, key=len, default=set())
+        likeness = max((similar[name] for name in pair), default=0.0)
+        if len(heard) != 1 or len(pair) < 2 or likeness < similar[next(iter(heard))]:
+            self._alone_ns = t_ns
+        return tuple(sorted(pair)) if t_ns - self._alone_ns >= _OUTVOTED_S * 1e9 else ()
 
     def likeness(self, grey: np.ndarray, box: Box) -> float:
         """Relative similarity of a box, less where it correlates with no known patch of the target, 0 to 1.
