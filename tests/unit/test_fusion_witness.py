@@ -66,6 +66,25 @@ def test_of_two_that_look_alike_the_one_that_is_where_the_target_is_foreseen_is_
     assert verdict.silent == {"here"}, "the answer has gone astray; they have not"
 
 
+def test_two_that_agree_for_long_against_the_one_that_is_heard_are_followed_if_they_look_no_less_like_it() -> None:
+    twin: Box = (155.0, 80.0, 40.0, 30.0)
+    both = GREY.copy()
+    both[78:112, 153:197] = GREY[78:112, 98:142]
+    boxes: dict[str, Box] = {"here": BOX, "a": twin, "b": twin}
+    witness, tracking = Witness(GREY, BOX, 0), _fused("tracking", 1.0, 0.1)
+    verdicts = {k: witness.judge(both, boxes, True, tracking, k * 100_000_000, BOX) for k in range(7)}
+    assert all(verdicts[k].silent == {"a", "b"} for k in range(5))
+    assert (verdicts[6].silent, verdicts[6].begun) == ({"here"}, ("a", "b"))
+    unlike: dict[str, Box] = {"here": BOX, "a": ELSEWHERE, "b": ELSEWHERE}
+    witness = Witness(GREY, BOX, 0)
+    for k in range(10):
+        verdict = witness.judge(both, unlike, True, tracking, k * 100_000_000, BOX)
+    assert verdict.silent == {"a", "b"} and not verdict.begun
+    alone = Witness(GREY, BOX, 0)
+    for k in range(10):  # one against one
+        assert alone.judge(both, {"here": BOX, "a": twin}, True, tracking, k * 100_000_000, BOX).silent == {"a"}
+
+
 def test_it_learns_only_where_two_agree_and_then_vouches_for_what_it_learned() -> None:
     witness = Witness(GREY, BOX, 0)
     alone, both = _fused("tracking", 1.0, 0.1), _fused("tracking", 1.0, 0.9)
