@@ -77,7 +77,8 @@ class Steering:
         """As `follow`, for an unseen target that a prediction has at a place, moving at a velocity (2,), m/s."""
         self._motion.update(None, pose, t_ns, turn_rad_s, 1.0)
         self._motion.predicted(relative_m, velocity_m_s)
-        return self._ask(pose, t_ns, relative_m, self._config.acceleration_m_s2)
+        # A place that nobody sees is worth no hard start: a target that was lost at the picture's edge was flown past.
+        return self._ask(pose, t_ns, relative_m, self._config.acceleration_min_m_s2)
 
     def stand(self, pose: Pose, t_ns: int) -> Array:
         """Velocity request that ends the flight after a target, (2,), m/s."""
