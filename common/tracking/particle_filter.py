@@ -20,11 +20,11 @@ from common.tracking.finder import Found, Nearby, search
 from common.tracking.histogram import LAYOUTS, PSI, SCALE, HistogramModel, X, Y, learn_model
 from common.tracking.light import Light
 from common.tracking.lines import OwnLines
+from common.tracking.loss_limit import LossLimit
 from common.tracking.motion import ConstantVelocity, MotionNoise, wrap_angle
 from common.tracking.particles import expected_state, likelihood_weights, systematic_resample
+from common.tracking.turn_sweep import best_turn
 
-_SWEPT = 4
-"""Angles on either side at which the mean state is tried."""
 _REACH_1_S = 3.0
 """How far the target may have come from where it is expected, target sizes for each second out of sight."""
 _HEADING_KNOWN_S = (2.0, 6.0)
@@ -36,10 +36,6 @@ _CLEAR = 0.8
 """Confidence in a picture whose angle is believed even if the target's lines do not show."""
 _DOUBTFUL_RAD = 1.0
 """Standard deviation of an angle that is not believed."""
-_FOUND_FACTOR, _RELIT_FACTOR = 1.3, 1.1
-"""Largest distance of what a search finds, over that of a healthy picture, in the light in force and under another."""
-_FOUND_FLOOR = 0.4
-"""Lower bound of that: noise, sampling and a turn reach 0.3 on a target in full view."""
 _PROBATION = 12
 """Pictures in which what a search found must be seen before it is trusted."""
 
@@ -85,7 +81,7 @@ class ParticleFilterTracker:
         """Search the whole picture, and start on what looks most like the target if that looks enough like it."""
         check_frame(frame, None if self._result is None else self._frame.shape)
         first = self._result is None
-        limit = self._config.found_limit if first else self._found_limit(relit=True)
+        limit = self._config.found_limit if first else self._limit.of_found(relit=True)
         tried = [self._search(frame, gain, None) for gain in (self._light.gain, *self._light.jumps(frame))]
         best = min((f for f in tried if f is not None), key=lambda f: f.distance, default=None)
         if best is None or best.distance > limit:
@@ -113,10 +109,8 @@ class ParticleFilterTracker:
         self._expected = None
         distances = self._distances(self._model)
         smallest = float(distances.min())
-        if len(self._first_distances) < self._config.limit_frames:
-            self._first_distances.append(smallest)
-            self._healthy_distance = float(np.median(self._first_distances))
-        if smallest <= self._limit:
+        self._limit.begin(smallest)
+        if smallest <= self._limit.value:
             mean, angle_std = self._seen(distances, dt_s)
         else:
             mean, angle_std = self._unseen(dt_s)
@@ -151,8 +145,7 @@ class ParticleFilterTracker:
         self._model = learn_model(picture, state, aspect, LAYOUTS[config.kernels], config.backend)
         self._lines = OwnLines(picture, state, aspect, config.line_reach_rad)
         self._light = Light(config.light_memory_s)
-        self._first_distances: list[float] = []
-        self._healthy_distance = config.limit_ceiling / config.limit_factor
+        self._limit = LossLimit(config)
 
     def _adopt_size(self, size_px: float) -> None:
         """Take a size (square root of the area) as the target's usual one."""
@@ -202,7 +195,7 @@ class ParticleFilterTracker:
         heading_known = float(np.interp(self._unseen_s, _HEADING_KNOWN_S, (1.0, 0.0)))
         nearby = Nearby(expected.center_px, reach_px, expected.angle_rad, heading_known)
         found = self._search(frame, gain, nearby)
-        if found is not None and found.cost <= self._found_limit(relit):
+        if found is not None and found.cost <= self._limit.of_found(relit):
             self._start_on(found, frame, t_ns)
 
     def _search(self, frame: np.ndarray, gain: np.ndarray, nearby: Nearby | None) -> Found | None:
@@ -215,25 +208,14 @@ class ParticleFilterTracker:
     def _distances(self, model: HistogramModel) -> np.ndarray:
         """Distances (N,) under the light in force, or under another that finds the target when that one does not."""
         distances = model.distances(self._frame, self._states, self._light.gain, self._thinning)
-        if distances.min() <= self._limit:
+        if distances.min() <= self._limit.value:
             return distances
         for gain in self._light.jumps(self._frame):
             other = model.distances(self._frame, self._states, gain, self._thinning)
-            if other.min() <= self._limit:
+            if other.min() <= self._limit.value:
                 self._light.gain = gain
                 return other
         return distances
-
-    @property
-    def _limit(self) -> float:
-        """d_lim = 1.3 d_min (section II-D), within its bounds."""
-        limit = self._config.limit_factor * self._healthy_distance
-        return min(max(limit, self._config.limit_floor), self._config.limit_ceiling)
-
-    def _found_limit(self, relit: bool) -> float:
-        """Largest distance of a place that a search may start on: the best of so many has to look as it used to."""
-        factor = _RELIT_FACTOR if relit else _FOUND_FACTOR
-        return min(self._limit, max(_FOUND_FLOOR, factor * self._healthy_distance))
 
     def _new_motion(self, state: np.ndarray) -> ConstantVelocity:
         config = self._config
@@ -287,10 +269,7 @@ class ParticleFilterTracker:
         weights /= weights.sum()
         mean, angle_std = expected_state(self._states, weights)
         smallest = float(distances.min())
-        # While an occluder slides over the target the rectangle clings to the visible rest: the velocity must not
-        # learn from that, so the closer to the limit, the less it does.
-        margin = max(self._limit - self._healthy_distance, 1e-6)
-        confidence = min(1.0, max(0.05, 1.0 - (smallest - self._healthy_distance) / margin))
+        confidence = self._limit.confidence(smallest)
         turn, doubtful = self._turn(mean, confidence)
         if doubtful:
             angle_std = max(angle_std, _DOUBTFUL_RAD)
@@ -299,7 +278,7 @@ class ParticleFilterTracker:
         self._motion.correct(mean, confidence)
         self._unseen_s, self._unseen_frames = 0.0, 0
         self._seen_frames += 1
-        self._healthy_distance += (1 - math.exp(-dt_s / config.limit_memory_s)) * (smallest - self._healthy_distance)
+        self._limit.follow(smallest, dt_s)
         if self._model is not None:
             self._thinning = self._model.kernels.thinning(mean, config.kernel_pixels)
             self._light.follow(self._model, self._frame, mean, self._thinning + 2, dt_s)
@@ -315,31 +294,15 @@ class ParticleFilterTracker:
         """
         turned = mean.copy()
         if self._model is not None and self._config.turn_sweep_rad > 0.0:
-            turned[PSI] += self._best_turn(self._model, mean)
+            turned[PSI] += best_turn(
+                self._model, self._frame, mean, self._light.gain, self._thinning, self._config.turn_sweep_rad
+            )
         along = self._lines.turn(self._frame, turned) if confidence >= _LINES_FROM else None
         if along is not None:
             return float(turned[PSI] - mean[PSI]) + along, False
         if self._lines.usable and confidence < _CLEAR:
             return 0.0, True
         return float(turned[PSI] - mean[PSI]), False
-
-    def _best_turn(self, model: HistogramModel, mean: np.ndarray) -> float:
-        """How far the mean state (4,) has to be turned to fit best, rad, within the sweep.
-
-        A target that turns changes its histograms little at first: the likelihood of eq. 5 is so flat in the angle that
-        the weighted mean lags behind a turn by half a radian. Its smallest distance does not.
-        """
-        turns = np.arange(-_SWEPT, _SWEPT + 1) * (self._config.turn_sweep_rad / _SWEPT)
-        states = np.tile(mean, (len(turns), 1))
-        states[:, PSI] += turns
-        distances = model.distances(self._frame, states, self._light.gain, self._thinning)
-        best = int(distances.argmin())
-        if best in (0, len(turns) - 1):
-            return float(turns[best])
-        before, at, after = distances[best - 1 : best + 2]
-        bend = before - 2.0 * at + after
-        offset = 0.5 * (before - after) / bend if bend > 0.0 else 0.0
-        return float(turns[best] + offset * (turns[1] - turns[0]))
 
     def _unseen(self, dt_s: float) -> tuple[np.ndarray, float]:
         """Critical mode: no weights, no resampling, the motion alone (section II-D). Returns as `_seen`."""
@@ -369,7 +332,7 @@ class ParticleFilterTracker:
             size_px=(width, width * aspect),
             angle_rad=wrap_angle(float(mean[PSI])),
             score=1.0 - smallest,
-            score_limit=1.0 - self._limit,
+            score_limit=1.0 - self._limit.value,
             state=state,
             angle_std_rad=angle_std_rad,
         )
