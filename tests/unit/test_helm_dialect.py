@@ -90,6 +90,11 @@ def test_it_asks_for_what_helm_reads(dialect: Dialect):
     assert {31, 32, 245} <= {message for message, _ in dialect.rates_hz}
 
 
+def test_ardupilot_is_asked_for_the_accelerometers_which_px4_streams_unasked():
+    assert "HIGHRES_IMU" in DIALECTS["ardupilot"].messages
+    assert dict(DIALECTS["ardupilot"].rates_hz)[105] >= 25.0
+
+
 @every_dialect
 def test_a_flight_in_it(dialect: Dialect):
     """The gate, takeoff, hover, chase, a stop without requests, a foreign mode, engage and landing, on a point mass."""

@@ -82,11 +82,13 @@ class ArduPilot(Dialect):
         {"GUID_TIMEOUT": "guided setpoint timeout", "FS_EKF_ACTION": "estimator failsafe action"}
     )
     messages = (*Dialect.messages, "GPS_GLOBAL_ORIGIN")
-    # It streams nothing of this unasked. The mode comes with the heartbeat: 5 Hz instead of 1.
+    # It streams nothing of this unasked. The mode comes with the heartbeat: 5 Hz instead of 1. HIGHRES_IMU, 105, is
+    # refused before 4.6 and where the board has no more than 1 MB: then there are no accelerations.
     rates_hz = (
         (0, 5.0),
         (31, 50.0),
         (32, 30.0),
+        (105, 50.0),
         (245, 5.0),
         (1, 5.0),
         (147, 1.0),
