@@ -107,9 +107,14 @@ class Follower:
         self.active = False
         self.fusion.drop()
 
-    def unobeyed(self) -> None:
-        """Helm flies something else: the next request begins at the vehicle's own velocity."""
-        self._steering.restart()
+    def unobeyed(self, ned_v_m_s: NDArray[np.float64] | None, t_ns: int) -> None:
+        """Helm flies something else: the next request begins at that, or at the vehicle's own velocity.
+
+        Args:
+            ned_v_m_s: velocity that helm sent last, (3,), NED, m/s; None: it sends none.
+            t_ns: when, ns.
+        """
+        self._steering.restart(ned_v_m_s, t_ns)
 
     def step(
         self,

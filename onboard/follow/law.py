@@ -72,9 +72,14 @@ class FollowLaw:
         self._asked: Array | None = None
         self._asked_ns = 0
 
-    def restart(self) -> None:
-        """The last request was not flown: the next one begins at the vehicle's own velocity."""
-        self._asked = None
+    def restart(self, ned_v_m_s: Array | None = None, t_ns: int = 0) -> None:
+        """The last request was not flown: the next one begins at what was, or at the vehicle's own velocity.
+
+        Args:
+            ned_v_m_s: velocity that was asked of the vehicle instead, (3,), NED, m/s; None: nobody knows.
+            t_ns: when, ns.
+        """
+        self._asked, self._asked_ns = (None if ned_v_m_s is None else ned_v_m_s[:2].copy()), t_ns
 
     def ask(self, target: TargetState, vehicle: Vehicle, t_ns: int) -> Request:
         """Velocity, NED, and heading rate; the first call's distance and height difference are the set-points.

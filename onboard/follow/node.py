@@ -13,7 +13,17 @@ from common.geometry.camera import Camera
 from common.geometry.config import CamerasConfig
 from common.geometry.rotation import euler_from_quat
 from common.header import Received
-from common.messages import CameraInfo, FollowMembers, HelmStatus, Image, MemberBox, Reply, Track, VehicleState
+from common.messages import (
+    CameraInfo,
+    FollowMembers,
+    HelmStatus,
+    Image,
+    MemberBox,
+    Reply,
+    Setpoint,
+    Track,
+    VehicleState,
+)
 from common.node import CommandCall, Inputs, Node, On, Output
 from common.tracking.base import Box
 from onboard.follow.config import FollowConfig
@@ -28,6 +38,7 @@ _READY_S = 12.0
 _TOLD_NS = 200_000_000
 _MEMBERS_NS = 90_000_000
 _SAME_MOMENT_NS = 60_000_000
+_SENT_NS = 300_000_000
 
 
 class FollowNode(Node):
@@ -58,6 +69,7 @@ class FollowNode(Node):
             self._info,
             "helm/state",
             "helm/status",
+            "helm/setpoint",
             "pursuit/track",
             *([self._depth] if self._depth else []),
         )
@@ -65,6 +77,7 @@ class FollowNode(Node):
         self._follower: Follower | None = None
         self._poses = PoseTrack()
         self._state: VehicleState | None = None
+        self._sent: Received[Setpoint] | None = None
         self._taken: Received[Image] | None = None
         self._chosen = False
         """Whether the operator chose the target; else it is the chase's."""
@@ -76,6 +89,8 @@ class FollowNode(Node):
         for received in inputs.drain("helm/state", VehicleState):
             self._poses.add(received.header.capture_ns, received.message)
             self._state = received.message
+        for sent in inputs.drain("helm/setpoint", Setpoint):
+            self._sent = sent
         if self._beside_chase and self._follower is None:
             self._begin()
         picture = inputs.latest(self._raw, Image)
@@ -96,7 +111,7 @@ class FollowNode(Node):
             return self._idle(t_ns)
         status = inputs.peek("helm/status", HelmStatus)
         if status is None or status.message.source != "follow":
-            follower.unobeyed()
+            follower.unobeyed(*_velocity(self._sent, capture_ns))
         return self._follow(follower, inputs, frame, capture_ns)
 
     def _follow(self, follower: Follower, inputs: Inputs, frame: np.ndarray, capture_ns: int) -> Iterable[Output]:
@@ -219,6 +234,13 @@ class FollowNode(Node):
         except ValueError as error:
             log.info("beside the chase: %s", error)
         self._apart_ns = None
+
+
+def _velocity(sent: Received[Setpoint] | None, t_ns: int) -> tuple[np.ndarray | None, int]:
+    """Velocity that helm sent to the autopilot of late, (3,), NED, m/s, and when, ns; None where it sends none."""
+    if sent is None or abs(t_ns - sent.header.capture_ns) > _SENT_NS:
+        return None, t_ns
+    return np.array(sent.message.ned_v_m_s), sent.header.capture_ns
 
 
 def _apart(mine: Box | None, theirs: Box, gap: float) -> bool:

@@ -57,9 +57,9 @@ class Steering:
         self.why_not = ""
         """Why nothing is asked; empty while something is."""
 
-    def restart(self) -> None:
-        """The last request was not flown: the next one begins at the vehicle's own velocity."""
-        self._law.restart()
+    def restart(self, ned_v_m_s: Array | None = None, t_ns: int = 0) -> None:
+        """The last request was not flown, but maybe another velocity. See `FollowLaw.restart`."""
+        self._law.restart(ned_v_m_s, t_ns)
 
     def expected(self, t_ns: int, pose: Pose | None) -> Box | None:
         """Where a picture should show the target by its own motion over ground and the vehicle's, px.

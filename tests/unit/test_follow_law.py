@@ -91,6 +91,18 @@ def test_the_first_request_begins_at_the_vehicles_own_velocity() -> None:
     assert max(np.linalg.norm(r[:2]) for r in flight.requests) <= 3.0 + 1e-9
 
 
+def test_a_request_that_takes_over_begins_at_what_was_flown_before() -> None:
+    law = FollowLaw(FollowConfig(), ahead=False)
+    target = TargetState(np.array([2.0, 0.0, 0.0]), np.zeros(3))
+    vehicle = Vehicle(np.array([0.0, 0.0, -5.0]), np.array([0.2, 0.0, 0.0]), 0.0, 0.0)
+    law.ask(target, vehicle, 0)
+    law.restart(np.array([1.0, -0.5, 0.0]), 1_000_000_000)
+    assert law.ask(target, vehicle, 990_000_000).vector[:2] == pytest.approx((1.0, -0.5)), "a picture from before"
+    law.restart(np.array([1.0, -0.5, 0.0]), 1_000_000_000)
+    north, east, _ = law.ask(target, vehicle, 1_040_000_000).vector
+    assert math.hypot(north - 1.0, east + 0.5) == pytest.approx(0.04 * FollowConfig().slew_m_s2)
+
+
 def test_above_a_target_the_nose_turns_as_its_course_does() -> None:
     def circle(t: float) -> tuple[float, float, float]:
         return (4.0 * math.sin(0.25 * t), 4.0 - 4.0 * math.cos(0.25 * t), 0.0)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks.painted_scene import Pose, Scene, straight
-from common.messages import Command, FollowMembers, Image, Request, Track
+from common.messages import Command, FollowMembers, Image, Request, Setpoint, Track
 from common.node import Output, ScriptedRun
 from common.processes import load_config
 from onboard.follow.node import FollowNode
@@ -17,6 +17,7 @@ from onboard.fusion.config import FusionConfig, HabDfConfig
 from tests.flying import flying, helm_status
 
 S = 1_000_000_000
+ZERO = (0.0, 0.0, 0.0)
 SETTINGS = ('hab_df.members=["dsst"]', "follow.answer_within_s=2.0", "follow.frozen_after_s=20.0")
 
 
@@ -78,6 +79,10 @@ def test_what_was_chosen_is_followed_until_it_is_away_for_long() -> None:
         asked = rig.requests(30)
         assert len(asked) >= 28, "from the second picture on"
         # 60 px/s to the right at 4.7 m above the target's top, 440 px focal length: 0.64 m/s east.
+        sent = Setpoint(source="pursuit", asked_ned_v_m_s=ZERO, ned_v_m_s=(-0.7, 0.3, 0.0), height_m=5.0, yaw_rad=0.0)
+        rig.run.feed("helm/setpoint", sent, rig.t_ns + 20_000_000)
+        (taken_over,) = rig.requests(1)
+        assert math.dist(taken_over.vector[:2], (-0.7, 0.3)) < 0.1, "it begins at what helm flew before"
         rig.run.feed("helm/status", helm_status("follow"), rig.t_ns)
         asked = rig.requests(30)
         east_m_s = 60.0 / 440.0 * 4.65
