@@ -1,5 +1,6 @@
-"""Who is who after gaps of seconds to minutes: annotated people of vtest.avi under a camera that turns and jumps.
+"""Who is who after gaps of a second to a minute: annotated people of vtest.avi under a camera that turns and jumps.
 
+Once all pictures are gone through in their order; once every two of them that are a gap apart, with nothing in between.
 Every annotated picture is turned by an angle and shifted by a distance of its own, as between two passes of a fast
 vehicle. Ours sees the turned pictures; motion-only association (SORT: boxes with a constant velocity, IoU, Hungarian
 method) gets the same boxes at their shifted places. Neither forgets anybody.
@@ -16,7 +17,7 @@ import cv2
 import numpy as np
 
 from benchmarks.base import Benchmark, Outcome, Settings
-from benchmarks.people_pose import Annotated, annotated, turn
+from benchmarks.people_pose import BOXES, Annotated, annotated, turn
 from benchmarks.sample_video import sample_frames
 from common.config import ConfigError
 from onboard.people.appearance import look_of, similarity
@@ -32,6 +33,9 @@ _RATE_HZ = 10.0
 _SHIFT_PX = 120.0
 _LEAST_IOU = 0.3
 _RUNS, _QUICK_RUNS = 5, 1
+_GAPS = BOXES.with_name("people_vtest_gaps.csv")
+_GAPS_S = {"1s": (0.5, 2.0), "10s": (2.0, 15.0), "30s": (15.0, 45.0), "60s": (45.0, 70.0)}
+"""Least and most of the gaps that count as so long, s."""
 Box = tuple[float, float, float, float]
 
 
@@ -49,21 +53,27 @@ def run(settings: Settings) -> Outcome:
     """Both on the same people, with several draws of the camera's turns and jumps."""
     cv2.setNumThreads(1)
     people = [box for box in annotated() if box.identity]
+    later = annotated(_GAPS)
     try:
-        frames = sample_frames(box.frame for box in people)
+        frames = sample_frames(box.frame for box in (*people, *later))
     except FileNotFoundError as error:
         raise ConfigError(f"bench people-association: {error}") from None
     finder = PoseFinder(PoseNetwork(blazepose(blazepose_file())))
     config = AssociationConfig(confirm_hits=1)
     ours, motion, first = [], [], []
+    kept = {name: _Kept() for name in _GAPS_S}
     for draw in range(_QUICK_RUNS if settings.quick else _RUNS):
         rng = np.random.default_rng((settings.seed, draw))
-        sequence = [
-            _seen([b for b in people if b.frame == number], frames[number], finder, rng) for number in sorted(frames)
-        ]
+
+        def seen_of(boxes: Sequence[Annotated], rng: np.random.Generator = rng) -> list[list[Seen]]:
+            by_frame = [[b for b in boxes if b.frame == number] for number in sorted({b.frame for b in boxes})]
+            return [_seen(some, frames[some[0].frame], finder, rng) for some in by_frame]
+
+        sequence = seen_of(people)
         ours.append(_scores(sequence, _by_look(sequence, config)))
         motion.append(_scores(sequence, _by_motion(sequence)))
         first += _rank_one(sequence)
+        _over_gaps([*sequence, *seen_of(later)], config, kept)
     results = {
         "rank1": float(np.mean(first)),
         "idf1": float(np.mean([s["idf1"] for s in ours])),
@@ -71,12 +81,45 @@ def run(settings: Settings) -> Outcome:
         "id_switches": float(np.mean([s["num_switches"] for s in ours])),
         "motion_idf1": float(np.mean([s["idf1"] for s in motion])),
         "motion_id_switches": float(np.mean([s["num_switches"] for s in motion])),
-        "boxes": float(len(people)),
+        "boxes": float(len(people) + len(later)),
         "people": float(len({b.identity for b in people})),
-        "gap_s_max": _longest_gap_s(people),
     }
+    for name, count in kept.items():
+        results |= {
+            f"kept_{name}": count.ours / count.people,
+            f"motion_kept_{name}": count.motion / count.people,
+            f"people_{name}": float(count.people),
+        }
     scorer = f"motion-only SORT, scored by motmetrics {importlib.metadata.version('motmetrics')}"
     return Outcome(results, {"name": scorer, "idf1": results["motion_idf1"]})
+
+
+@dataclass
+class _Kept:
+    """Who keeps their number over gaps of about one length."""
+
+    people: int = 0
+    ours: int = 0
+    motion: int = 0
+
+
+def _over_gaps(pictures: Sequence[Sequence[Seen]], config: AssociationConfig, kept: dict[str, _Kept]) -> None:
+    """Count, over every two pictures a gap apart, with nothing seen in between, who has the same number in both."""
+    for before in pictures:
+        for after in pictures:
+            gap_s = (after[0].box.frame - before[0].box.frame) / _RATE_HZ
+            name = next((n for n, (least, most) in _GAPS_S.items() if least <= gap_s < most), None)
+            if name is None:
+                continue
+            kept[name].ours += _same(before, after, _by_look([before, after], config))
+            kept[name].motion += _same(before, after, _by_motion([before, after]))
+            kept[name].people += len({s.box.identity for s in before} & {s.box.identity for s in after})
+
+
+def _same(before: Sequence[Seen], after: Sequence[Seen], numbers: Sequence[Sequence[int]]) -> int:
+    """How many people of two pictures have one number in both."""
+    first = {s.box.identity: number for s, number in zip(before, numbers[0], strict=True)}
+    return sum(first.get(s.box.identity) == number for s, number in zip(after, numbers[1], strict=True))
 
 
 def _seen(boxes: Sequence[Annotated], picture: Picture, finder: PoseFinder, rng: np.random.Generator) -> list[Seen]:
@@ -151,13 +194,6 @@ def _rank_one(sequence: Sequence[Sequence[Seen]]) -> list[bool]:
                 hits.append(best.box.identity == s.box.identity)
         earlier += seen
     return hits
-
-
-def _longest_gap_s(people: Sequence[Annotated]) -> float:
-    gaps = [0]
-    for identity in {b.identity for b in people}:
-        gaps += np.diff(sorted(b.frame for b in people if b.identity == identity)).tolist()
-    return max(gaps) / _RATE_HZ
 
 
 BENCHMARK = Benchmark("people-association", "who is who after gaps, beside motion-only association", run)
