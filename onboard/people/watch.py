@@ -136,13 +136,13 @@ class Watch:
         age_s = (t_ns - spot.looked_ns) / 1e9
         if spot.number and not spot.confirmed and spot.refusals < _DOUBTS and not self._follows(spot):
             return _DOUBTED + age_s  # before what is new: one short look, and they are believed
-        person = spot.number and self.carries(spot, t_ns)
+        person = spot.confirmed and self.carries(spot, t_ns)
         changed = self._changed(spot.looked, spot.sight)
         if person and spot.sight.region.cut:
             return 2.0 + age_s  # what is missing of it changes from picture to picture
         if person:
             return 1.0 + age_s / self.config.refresh_s if changed else age_s / self.config.refresh_s
-        wait_s = self.config.again_s * _LONGER ** (0 if changed else min(spot.refusals - 1, 10))
+        wait_s = self.config.again_s * _LONGER ** (0 if changed else min(max(spot.refusals - 1, 0), 10))
         return age_s / min(wait_s * (_LIKELY_WAIT if likely else 1.0), self.config.again_most_s)
 
     @staticmethod

@@ -51,6 +51,17 @@ def test_who_may_stand_is_looked_at_before_what_lies_even_at_an_edge():
     assert first.sight is edge
 
 
+def test_somebody_not_believed_yet_is_looked_at_again_soon_though_two_looks_found_nobody():
+    watch = _watched(0.3)
+    (spot,) = watch.spots
+    spot.refused("nobody", 1)
+    spot.refused("nobody", 2)
+    soon = round(0.35 * SECOND)
+    assert list(watch.due([spot], soon)) == [spot]
+    spot.confirmed = True
+    assert list(watch.due([spot], soon)) == [], "who is believed goes on for longer"
+
+
 def test_a_region_that_is_something_else_is_forgotten():
     watch = _watched(0.3)
     (spot,) = watch.spots
