@@ -7,6 +7,8 @@ import math
 import cv2
 import numpy as np
 
+from common.tracking.hog_compiled import vote
+
 CELL_PX = 4
 """Side of a cell, px."""
 _SIGNED = 18
@@ -37,15 +39,9 @@ def gradients_of_cells(patches: np.ndarray) -> np.ndarray:
     across[:, :, 1:-1] = patches[:, :, 2:] - patches[:, :, :-2]
     down[:, 1:-1] = patches[:, 2:] - patches[:, :-2]
     length, angle = cv2.cartToPolar(across.reshape(-1, width), down.reshape(-1, width))
-    place = angle.ravel() * np.float32(_SIGNED / (2 * math.pi))
-    low = place.astype(np.int32)
-    share = place - low
-    cell = np.arange(count * rows * columns, dtype=np.int32).reshape(count, rows, columns)
-    cell = cell.repeat(CELL_PX, axis=1).repeat(CELL_PX, axis=2).ravel() * _SIGNED
-    votes, size = length.ravel(), count * rows * columns * _SIGNED
-    signed = np.bincount(cell + low % _SIGNED, votes * (1 - share), size)
-    signed += np.bincount(cell + (low + 1) % _SIGNED, votes * share, size)
-    signed = signed.astype(np.float32).reshape(count, rows, columns, _SIGNED) / CELL_PX**2
+    angle *= np.float32(_SIGNED / (2 * math.pi))
+    signed = np.zeros((count, rows, columns, _SIGNED), np.float32)
+    vote(length.reshape(patches.shape), angle.reshape(patches.shape), signed, CELL_PX, 1.0 / CELL_PX**2)
     both = signed[..., :_UNSIGNED] + signed[..., _UNSIGNED:]
     energy = np.pad((both * both).sum(axis=3), ((0, 0), (1, 1), (1, 1)), mode="edge")
     energy = energy[:, :, :-2] + energy[:, :, 1:-1] + energy[:, :, 2:]

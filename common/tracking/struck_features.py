@@ -6,10 +6,10 @@ and a box's features are the maps read at its 64 cells.
 
 from __future__ import annotations
 
-import math
-
 import cv2
 import numpy as np
+
+from common.tracking.struck_compiled import read_features, vote
 
 SIDE = 32
 """Side of the target in the window, px."""
@@ -51,11 +51,10 @@ class Window:
 
     def features(self, offsets: np.ndarray) -> np.ndarray:
         """Features (n, SIZE) float32 of boxes at offsets (n, 2) int (columns, rows), px of the window."""
-        corner = offsets + np.array(self._reach)
-        cells = np.arange(_CELLS) * _CELL
-        rows = corner[:, 1, None, None] + cells[None, :, None]
-        columns = corner[:, 0, None, None] + cells[None, None, :]
-        return _unit(self._maps[rows, columns].reshape(len(offsets), _CELLS**2, _CHANNELS))
+        corners = np.ascontiguousarray(offsets + np.array(self._reach), np.int64)
+        features = np.empty((len(offsets), SIZE), np.float32)
+        read_features(self._maps, corners, _CELLS, _CELL, _ORIENTATIONS, _TONE_WEIGHT, _LEAST_TONE, features)
+        return features
 
     def grid(self, step: int) -> tuple[np.ndarray, np.ndarray]:
         """Offsets (n, 2) of a grid over the whole window, and the features (n, SIZE) there."""
@@ -87,28 +86,11 @@ def _maps(picture: np.ndarray) -> np.ndarray:
     across = cv2.Sobel(grey, cv2.CV_32F, 1, 0, ksize=1)
     down = cv2.Sobel(grey, cv2.CV_32F, 0, 1, ksize=1)
     length, angle = cv2.cartToPolar(across, down)
-    place = (angle * np.float32(_ORIENTATIONS / math.pi)) % np.float32(_ORIENTATIONS)
     maps = np.empty((*grey.shape, _CHANNELS), np.float32)
     strength = length / (cv2.blur(length, (SIDE // 2 + 1,) * 2) + np.float32(_LEAST_ENERGY))
-    for channel in range(_ORIENTATIONS):
-        away = np.abs(place - channel)
-        away = np.minimum(away, _ORIENTATIONS - away)
-        maps[..., channel] = np.maximum(0.0, 1.0 - away) * strength
+    vote(strength, angle, maps, _ORIENTATIONS)
     maps[..., _ORIENTATIONS] = grey / 255
     maps[..., _ORIENTATIONS + 1] = (colours[..., 2] - colours[..., 1]) / 255
     maps[..., _ORIENTATIONS + 2] = (colours[..., 0] - colours[..., 1]) / 255
     kernel = (_CELL, _CELL)
     return cv2.boxFilter(maps, -1, kernel, anchor=(0, 0), normalize=True, borderType=cv2.BORDER_REPLICATE)
-
-
-def _unit(cells: np.ndarray) -> np.ndarray:
-    """Feature vectors (n, SIZE) from the channels (n, cells, C): square roots of gradients, tones about their mean."""
-    gradients = np.sqrt(cells[..., :_ORIENTATIONS]).reshape(len(cells), -1)
-    gradients /= np.linalg.norm(gradients, axis=1, keepdims=True) + 1e-6
-    tones = cells[..., _ORIENTATIONS:]
-    mean = tones.mean(axis=1, keepdims=True)
-    mean[..., 1:] = 0.0  # the light changes how bright a target is, and hardly its colour
-    tones = (tones - mean).reshape(len(cells), -1)
-    tones *= _TONE_WEIGHT / (np.linalg.norm(tones, axis=1, keepdims=True) + _LEAST_TONE)
-    features = np.concatenate([gradients, tones], axis=1)
-    return features / np.linalg.norm(features, axis=1, keepdims=True)

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-_LEAST_GAIN = 1e-5
-_ZERO = 1e-8
+from common.tracking.struck_svm_compiled import ZERO, optimise, step
 
 
 class StructuredSvm:
@@ -65,8 +64,7 @@ class StructuredSvm:
         self._tidy()
         for _ in range(reprocessed):
             self._process_old()
-            for _ in range(optimised):
-                self._optimise()
+            self._optimise(optimised)
             self._tidy()
 
     def _kernel_of(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
@@ -100,7 +98,7 @@ class StructuredSvm:
         return int(number), np.flatnonzero(self._pattern[: self._count] == number)
 
     def _best_positive(self, own: np.ndarray) -> int | None:
-        room = self._beta[own] < self._cost * (self._choice[own] == 0) - _ZERO
+        room = self._beta[own] < self._cost * (self._choice[own] == 0) - ZERO
         if not room.any():
             return None
         candidates = own[room]
@@ -118,29 +116,22 @@ class StructuredSvm:
         negative = int(known[0]) if len(known) else self._add(number, worst, float(gradient[worst]))
         self._step(positive, negative)
 
-    def _optimise(self) -> None:
-        _, own = self._random_pattern()
-        positive = self._best_positive(own)
-        if positive is not None:
-            self._step(positive, int(own[self._gradient[own].argmin()]))
+    def _optimise(self, steps: int) -> None:
+        picks = self._rng.integers(self._count, size=steps)
+        optimise(
+            picks, self._count, self._cost, self._pattern, self._choice, self._beta, self._gradient, self._kernel
+        )  # fmt: skip
 
     def _step(self, positive: int, negative: int) -> None:
         """One step of sequential minimal optimisation on two coefficients of a pattern."""
-        gain = self._gradient[positive] - self._gradient[negative]
-        if positive == negative or gain < _LEAST_GAIN:
-            return
-        kernel, n = self._kernel, self._count
-        curvature = max(2.0 - 2.0 * float(kernel[positive, negative]), _ZERO)
-        bound = self._cost * (self._choice[positive] == 0) - self._beta[positive]
-        move = min(gain / curvature, bound)
-        self._beta[positive] += move
-        self._beta[negative] -= move
-        self._gradient[:n] -= move * (kernel[:n, positive] - kernel[:n, negative])
+        step(
+            positive, negative, self._count, self._cost, self._choice, self._beta, self._gradient, self._kernel
+        )  # fmt: skip
 
     def _tidy(self) -> None:
         """Drop coefficients that are zero, then keep to the budget."""
         for index in range(self._count - 1, -1, -1):
-            if abs(self._beta[index]) < _ZERO:
+            if abs(self._beta[index]) < ZERO:
                 self._remove(index)
         while self._count > self._budget:
             self._drop_least()
@@ -159,5 +150,5 @@ class StructuredSvm:
         self._gradient[:n] -= move * (self._kernel[:n, positive] - self._kernel[:n, negative])
         self._beta[negative] = 0.0
         for index in sorted((negative, positive), reverse=True):
-            if abs(self._beta[index]) < _ZERO:
+            if abs(self._beta[index]) < ZERO:
                 self._remove(index)

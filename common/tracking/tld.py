@@ -113,7 +113,7 @@ class TldTracker(BoxTracker):
         if not self._valid or self._appearance.similarity(upright_patch(grey, box))[0] < _CONFUSED:
             self._pending = []
         else:
-            self._detector.learn(grey, box)
+            self._detector.learn(box)
             self._learn_target(grey, box)
             self._learn_background(grey, passed, box)
         return Step(score, True, again)

@@ -49,6 +49,7 @@ class Detector:
         self._counts = np.zeros((2, config.ferns, 2**config.bits), np.float32)
         self._posteriors = np.zeros((config.ferns, 2**config.bits), np.float32)
         self._least_variance = 0.0
+        self._searched = np.zeros(self._shape, np.uint8)
         self._nothing = np.zeros((self._shape[0] + 1, self._shape[1] + 1))
         self._codes = np.zeros((len(self._windows), config.ferns), np.int32)
         self._confidence = np.zeros(len(self._windows), np.float32)
@@ -101,20 +102,22 @@ class Detector:
 
     def find(self, grey: np.ndarray) -> list[Box]:
         """Windows that pass variance and ferns, px of the picture (H, W) uint8, those of largest confidence first."""
-        self._scan(self._small(grey), _CONFIDENT)
+        self._searched = self._small(grey)
+        self._scan(self._searched, _CONFIDENT)
         passed = np.flatnonzero(self._confidence > _CONFIDENT)
         passed = passed[np.argsort(-self._confidence[passed], kind="stable")]
         return [tuple(window) for window in (self._windows[passed] / self._shrink).tolist()]
 
-    def learn(self, grey: np.ndarray, box: Box) -> None:
+    def learn(self, box: Box) -> None:
         """P-N learning: windows on the target teach the ferns that they are it; others that passed, that they are not.
 
-        The last picture that was searched must be this one.
+        Args:
+            box: the target in the picture that was searched last, px.
         """
         shared = self._overlaps(box)
         wrong = (self._confidence > _CONFIDENT) & (shared < _FAR)
         self._teach(self._codes[wrong], target=False)
-        self._teach_target(self._small(grey), box, shared, _WARPS)
+        self._teach_target(self._searched, box, shared, _WARPS)
 
     def _small(self, grey: np.ndarray) -> np.ndarray:
         if self._shrink == 1.0:

@@ -98,7 +98,7 @@ def test_detector_finds_the_target_elsewhere_and_unlearns_what_is_like_it() -> N
     assert max(jaccard(box, second.box()) for box in passed) > 0.6
     for _ in range(3):
         before = sum(jaccard(box, second.box()) > 0.5 for box in detector.find(grey))
-        detector.learn(grey, first)
+        detector.learn(first)
     after = sum(jaccard(box, second.box()) > 0.5 for box in detector.find(grey))
     assert after < before or before == 0
     assert max(jaccard(box, first) for box in detector.find(grey)) > 0.7
