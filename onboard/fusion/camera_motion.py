@@ -1,8 +1,10 @@
 """How far the camera's own motion moves the whole picture, from the pictures alone.
 
-Beyond the thesis, where a platform's commands enter as B·u: a gust, a jolt or an operator's hand are no commands. Phase
-correlation (Kuglin and Hines 1975) of two small pictures tells the shift that most of them share; where they share
-none, there is none. Positions less this shift are those of a camera that holds still: a target moves evenly there.
+Beyond the thesis, where a platform's commands enter as B·u: a gust, a jolt or an operator's hand are no commands. The
+shift is the one under which two small pictures correlate best: among all shifts of coarser ones first, then nearby
+(Lewis 1995, Fast normalized cross-correlation). Phase correlation, which weighs all frequencies alike, finds nothing in
+pictures that are blurred or dark. Where two pictures share nothing, there is no shift. Positions less this shift are
+those of a camera that holds still: a target moves evenly there.
 """
 
 from __future__ import annotations
@@ -21,6 +23,14 @@ _ALIKE = 0.5
 """Least correlation of what two pictures share after a shift: below it they have none in common."""
 _LEAST_CONTRAST = 0.5
 """Least standard deviation of a small picture, grey levels: below it there is nothing to compare."""
+_COARSE = 2
+"""By how much the pictures are smaller still in which all shifts are tried."""
+_REACH = 0.625
+"""Largest shift that is tried, of the picture's sides."""
+_FLAT_PX = 8.0
+"""Extent of the brightness that is taken out of these, px: a shadow that lies still is no scene that does."""
+_NEAR, _STEPS = 2, 3
+"""How far around the best of these shifts is looked, px, and how often anew where the best one there is at the edge."""
 _REMEMBERED = 64
 """Pictures whose place is remembered: answers to older ones are as late as no tracker is."""
 
@@ -42,7 +52,6 @@ class CameraMotion:
 
     def __init__(self) -> None:
         self._before: np.ndarray | None = None
-        self._window: np.ndarray | None = None
         self._shifts: OrderedDict[int, np.ndarray] = OrderedDict()
 
     @property
@@ -62,13 +71,9 @@ class CameraMotion:
         small = cv2.resize(grey, size, interpolation=cv2.INTER_AREA).astype(np.float32)
         place = self.last
         if self._before is not None and self._before.shape == small.shape:
-            if self._window is None or self._window.shape != small.shape:
-                self._window = cv2.createHanningWindow(size, cv2.CV_32F)
-            # It multiplies what it is given by the window, in place.
-            shift, _ = cv2.phaseCorrelate(self._before.copy(), small.copy(), self._window)
-            alike = _correlation(self._before, small, round(shift[0]), round(shift[1]))
-            if alike >= max(_ALIKE, _correlation(self._before, small, 0, 0)):
-                place = place + np.array(shift) * shrink
+            shift, alike = _shift(self._before, small)
+            if alike >= _ALIKE:
+                place = place + shift * shrink
         self._before = small
         self._shifts[t_ns] = place
         while len(self._shifts) > _REMEMBERED:
@@ -84,13 +89,72 @@ class CameraMotion:
         return earlier[-1] if earlier else next(iter(self._shifts.values()), np.zeros(2))
 
 
-def _correlation(before: np.ndarray, after: np.ndarray, right: int, down: int) -> float:
-    """Correlation of what two pictures (H, W) share when the second lies so far to the right and down; 0 of nothing."""
+def _shift(before: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, float]:
+    """How far (2,), px, the second of two pictures (H, W) float32 has moved, and their correlation under that shift."""
+    if min(float(before.std()), float(after.std())) < _LEAST_CONTRAST:
+        return np.zeros(2), 0.0
+    (right, down), shift, alike = _coarse_shift(before, after), np.zeros(2), 0.0
+    for _ in range(_STEPS):
+        near = _alike(before, after, right, down)
+        if near is None:
+            break
+        row, column = (int(i) for i in np.unravel_index(near.argmax(), near.shape))
+        right, down = right + column - _NEAR, down + row - _NEAR
+        if 0 < row < 2 * _NEAR and 0 < column < 2 * _NEAR:
+            across = _summit(*near[row, column - 1 : column + 2].tolist())
+            shift = np.array([right + across, down + _summit(*near[row - 1 : row + 2, column].tolist())])
+            alike = float(near[row, column])
+            break
+    return shift, alike
+
+
+def _summit(before: float, middle: float, after: float) -> float:
+    """Where the parabola through three values is highest, from the middle one, at most half a step away."""
+    bend = 2 * middle - before - after
+    return 0.0 if bend <= 0.0 else min(0.5, max(-0.5, (after - before) / (2 * bend)))
+
+
+def _coarse_shift(before: np.ndarray, after: np.ndarray) -> tuple[int, int]:
+    """The shift, px, right and down, of the most significant correlation of coarse copies, among all within reach.
+
+    Where little is shared, a high correlation is chance: it counts by the root of how many pixels are.
+    """
+    one, other = _flat(before), _flat(after)
+    rows, columns = one.shape
+    far_down, far_right = round(_REACH * rows), round(_REACH * columns)
+    around = cv2.copyMakeBorder(other, far_down, far_down, far_right, far_right, cv2.BORDER_CONSTANT, value=(0.0,))
+    shared = cv2.matchTemplate(around, one, cv2.TM_CCORR)
+    right, down = np.arange(-far_right, far_right + 1), np.arange(-far_down, far_down + 1)
+    energies = _energy(other, right, down) * _energy(one, -right, -down)
+    pixels = (rows - np.abs(down))[:, None] * (columns - np.abs(right))
+    row, column = np.unravel_index((shared * np.sqrt(pixels / (energies + 1e-3))).argmax(), shared.shape)
+    return _COARSE * int(right[column]), _COARSE * int(down[row])
+
+
+def _flat(picture: np.ndarray) -> np.ndarray:
+    """A coarse copy without the brightness of its surroundings."""
+    rows, columns = picture.shape
+    small = cv2.resize(picture, (columns // _COARSE, rows // _COARSE), interpolation=cv2.INTER_AREA)
+    return small - cv2.GaussianBlur(small, (0, 0), _FLAT_PX)
+
+
+def _energy(picture: np.ndarray, right: np.ndarray, down: np.ndarray) -> np.ndarray:
+    """Sum of squares (rows, columns) of what of a picture (H, W) lies in its own frame shifted right and down."""
+    sums, (rows, columns) = cv2.integral(picture * picture), picture.shape
+    first, last = np.maximum(0, right), columns + np.minimum(0, right)
+    upper, lower = np.maximum(0, down)[:, None], rows + np.minimum(0, down)[:, None]
+    return sums[lower, last] - sums[upper, last] - sums[lower, first] + sums[upper, first]
+
+
+def _alike(before: np.ndarray, after: np.ndarray, right: int, down: int) -> np.ndarray | None:
+    """Correlation, (2 n + 1, 2 n + 1), under a shift and those up to n px below and above; None of too little shared.
+
+    All compare the same part of the first picture: what of it every one of these shifts leaves in the second.
+    """
     rows, columns = before.shape
-    if abs(right) >= columns or abs(down) >= rows:
-        return 0.0
-    one = before[max(0, -down) : rows - max(0, down), max(0, -right) : columns - max(0, right)]
-    other = after[max(0, down) : rows + min(0, down), max(0, right) : columns + min(0, right)]
-    if min(float(one.std()), float(other.std())) < _LEAST_CONTRAST:
-        return 0.0
-    return float(cv2.matchTemplate(one, other, cv2.TM_CCOEFF_NORMED)[0, 0])
+    x0, x1 = max(0, -right) + _NEAR, columns - max(0, right) - _NEAR
+    y0, y1 = max(0, -down) + _NEAR, rows - max(0, down) - _NEAR
+    if x1 - x0 < _NEAR or y1 - y0 < _NEAR:
+        return None
+    around = after[y0 + down - _NEAR : y1 + down + _NEAR, x0 + right - _NEAR : x1 + right + _NEAR]
+    return cv2.matchTemplate(around, before[y0:y1, x0:x1], cv2.TM_CCOEFF_NORMED)
