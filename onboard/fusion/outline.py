@@ -4,6 +4,7 @@ Trackers of fixed shape ride on the side of a thing that they began with: while 
 beside their box, and none follows the ratio of the sides. What is around the box moves either with it or with the
 ground. Both motions are known, so each place is given to the one that explains its change better, and the box grows to
 the rectangle that holds most of what goes with the target. It never shrinks: what covers a part is no part of it.
+What looks as it did at first has not turned, and shows no other side: whatever goes along beside it is another thing.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import cv2
 import numpy as np
 
 from common.evaluation import jaccard
+from common.tracking.appearance import upright_patch
 from common.tracking.base import Box
 
 _CELLS, _BOX_CELLS = 48, 20
@@ -33,9 +35,12 @@ _LIMIT = 0.08
 """Least preference for the target's motion of what belongs to it, -1 to 1."""
 _CONTRAST = 0.3
 """Least difference of the mean preferences within the found rectangle and around it."""
-_TRIALS, _TRIED = 5, 0.6
-"""Maps before the box may grow, and least overlap there of the first box with what moves: of a face that moves with a
-body it is less, and the motion then tells nothing about the face."""
+_TRIALS, _MOST_TRIALS, _TRIED = 5, 40, 0.6
+"""Maps of a time in which it looks as at first that are needed for the box to grow, and kept, and least overlap in
+most of them of the box with what moves: of a face that moves with a body it is less, and the motion then tells nothing
+about the face."""
+_AS_AT_FIRST = 0.78
+"""Correlation with its first look above which it has not turned: 0.8 to 0.98 where it has not, else 0.1 to 0.7."""
 _BLUR = 0.05
 """By how much the map's own blur moves an edge outwards, box sides."""
 _DOUBT, _DOUBT_PX = 0.15, 4.0
@@ -61,7 +66,9 @@ class Outline:
     def __init__(self) -> None:
         self._seen: deque[_Seen] = deque()
         self._map = np.zeros((_CELLS, _CELLS), np.float32)
-        self._trials: list[float] = []
+        self._trials: deque[float] = deque(maxlen=_MOST_TRIALS)
+        self._first_look: np.ndarray | None = None
+        self._alike = 1.0
         self._grown = np.zeros(4)
         """How far the left, upper, right and lower edge lie outside the box, box sides."""
         self._larger = np.zeros(2, bool)
@@ -76,7 +83,9 @@ class Outline:
             place: where the camera's motion has moved the picture, (2,), px.
             box: the fused box in it, px.
         """
-        now = _Seen(t_ns, grey, place, box)
+        now, look = _Seen(t_ns, grey, place, box), upright_patch(grey, box)
+        self._first_look = look if self._first_look is None else self._first_look
+        self._alike += _MEMORY * (float(self._first_look @ look) - self._alike)
         wanted = self._look(now)
         before_ns = self._seen[-1].t_ns if self._seen else t_ns
         most = _FASTEST * (t_ns - before_ns) * 1e-9
@@ -110,11 +119,11 @@ class Outline:
         inside[up:down, left:right] = True
         if inside.all() or self._map[inside].mean() - self._map[~inside].mean() < _CONTRAST:
             return None
-        if len(self._trials) < _TRIALS:
+        if self._alike > _AS_AT_FIRST:
             one = (float(left), float(up), float(right - left), float(down - up))
             self._trials.append(jaccard(one, (_FIRST, _FIRST, _BOX_CELLS, _BOX_CELLS)))
-            return None
-        if float(np.median(self._trials)) < _TRIED:
+            return np.zeros(4)
+        if len(self._trials) < _TRIALS or float(np.median(self._trials)) < _TRIED:
             return None
         outside = np.array([_FIRST - left, _FIRST - up, right - _LAST, down - _LAST]) / _BOX_CELLS
         outside -= np.clip(outside, -_BLUR, _BLUR)

@@ -23,6 +23,8 @@ from onboard.fusion.source import Measurement
 from onboard.fusion.witness import Verdict, Witness, agreed
 
 _LEAST_SIDE_PX = 6.0
+_DOUBTED = 0.25
+"""Confidence of one that is doubted, at most: below its threshold, however sure of itself it is."""
 
 
 class PictureFusion:
@@ -177,7 +179,7 @@ def _measurement_of(name: str, answer: TrackResult, t_ns: int, place_px: np.ndar
         return Measurement(name, t_ns, None)
     x, y, width, height = upright_box(answer)
     confidence = min(1.0, 0.5 * answer.score / answer.score_limit) if answer.score_limit > 0 else answer.score
-    confidence *= 0.5 if doubted else 1.0
+    confidence = min(confidence, _DOUBTED) if doubted else confidence
     return Measurement(
         name, t_ns, np.array([x + width / 2 - place_px[0], y + height / 2 - place_px[1], height, width]), confidence
     )
