@@ -51,7 +51,7 @@ class PictureFusion:
         self._foreseen: Box | None = None
         self._fusion = Fusion([source_of(name) for name in names], config)
         self._several = len(set(names)) > 1
-        self._witness = Witness(self.grey, box, t_ns)
+        self._witness = Witness(self.grey, box, t_ns, len(set(names)))
         self._camera = CameraMotion()
         self._camera.see(self.grey, t_ns)
         self._given: dict[str, int] = {}

@@ -18,7 +18,7 @@ from common.evaluation import jaccard
 from common.tracking.appearance import Appearance, upright_patch
 from common.tracking.base import Box
 from onboard.fusion.center import Fused
-from onboard.fusion.prior import as_foreseen, elsewhere, out_of_reach
+from onboard.fusion.prior import as_foreseen, elsewhere, out_of_reach, rivals
 
 _DOUBTFUL = 0.45
 """Relative similarity below which a tracker's box is doubted if another's is clearly more similar."""
@@ -47,10 +47,14 @@ _UNDECIDED_S = 0.06
 """How long the answer must have been without support before one tracker is chosen to speak, s."""
 _CHOSEN = 0.5
 """Least relative similarity of the one that is chosen."""
+_RELIABLE = 0.5
+"""Least reliability of a tracker that speaks for the fused box."""
 _AGREED = 1.2
 """Least sum of the reliabilities of two trackers or more that speak for the fused box."""
 _OUTVOTED_S = 0.5
 """How long two must have agreed elsewhere for the one that is where the answer is to be given up, s."""
+_FIRM = 3
+"""Trackers that must agree on an answer that was found again for it to count as followed, if there are so many."""
 _BACKGROUND_EVERY = 10
 """Pictures between two looks for what else is like the target."""
 _APART = 0.2
@@ -76,9 +80,11 @@ class Witness:
         grey: first picture, (H, W) uint8.
         box: the target in it, px.
         t_ns: its stamp, ns.
+        trackers: how many there are.
     """
 
-    def __init__(self, grey: np.ndarray, box: Box, t_ns: int):
+    def __init__(self, grey: np.ndarray, box: Box, t_ns: int, trackers: int = _FIRM):
+        self._firm = min(_FIRM, trackers)
         self._appearance = Appearance()
         self._number = 0
         self._supported_ns = t_ns
@@ -86,6 +92,8 @@ class Witness:
         self._agreed_ns = self._alone_ns = t_ns
         self._broken = False
         """Whether the answer has rested on nobody since two trackers, or a sure look, last spoke for it."""
+        self._found = False
+        """Whether the answer has been without support since it was last firm: it may have been found, not followed."""
         self._appearance.learn_target(upright_patch(grey, box))
         self._learn_background(grey, box)
         self._detail, self._looked_ns = 0.0, t_ns
@@ -113,8 +121,12 @@ class Witness:
         fused = None if fused is None or fused.state == "waiting" else fused
         if fused is not None and fused.state != "tracking" and t_ns - self._supported_ns >= _BROKEN_S * 1e9:
             self._broken = True
+        self._found |= fused is not None and self._undecided(fused, t_ns)
         clear = self._clearness(grey, t_ns)
         similar = {name: min(1.0, self.likeness(grey, box) / clear) for name, box in boxes.items()}
+        overruling = self._overruling(similar, boxes, fused) if foreseen is None else frozenset()
+        if overruling:
+            return Verdict(frozenset(), boxes.keys() - overruling, tuple(sorted(overruling)))
         others = frozenset() if fused is None else self._others(similar, boxes, several, fused, t_ns, foreseen)
         majority = () if foreseen is None else self._outvoted(similar, boxes, others, t_ns)
         others = frozenset(boxes.keys() - majority) if majority else others
@@ -126,6 +138,17 @@ class Witness:
         least = _FOUND_UNLIKE if self._broken else _ALONE_THERE_UNLIKE
         doubted = _doubted(similar, boxes, among, least, foreseen)
         return Verdict(doubted, others | (boxes.keys() - heard), begun)
+
+    def _overruling(
+        self, similar: Mapping[str, float], boxes: Mapping[str, Box], fused: Fused | None
+    ) -> frozenset[str]:
+        """Trackers that agree elsewhere than an answer which was found again, and look more like the target than it.
+
+        What was followed is the target, whatever it looks like; what was found may be another thing.
+        """
+        if fused is None or fused.state == "lost" or not self._found:
+            return frozenset()
+        return rivals(similar, boxes, _box_of(fused))
 
     def _others(
         self,
@@ -186,10 +209,14 @@ class Witness:
     def learn(self, grey: np.ndarray, box: Box, fused: Fused) -> None:
         """Learn the fused box where trackers that agree speak for it, and from time to time what else is like it."""
         self._number += 1
+        agreeing = sum(j.reliability > _RELIABLE for j in fused.sources.values())
+        if agreeing >= self._firm:
+            self._found = False
         if agreed(fused) or (self._broken and self.likeness(grey, box) >= _SURELY):
             self._broken = False
         if agreed(fused):
             self._agreed_ns = fused.t_ns
+        if agreed(fused) and not self._found:
             self._appearance.learn_target(upright_patch(grey, box))
             if self._number % _BACKGROUND_EVERY == 0:
                 self._learn_background(grey, box)
@@ -213,7 +240,7 @@ class Witness:
         """
         if fused is None or fused.state == "tracking":
             self._supported_ns, self._chosen = t_ns, None
-        elif t_ns - self._supported_ns >= _UNDECIDED_S * 1e9:
+        elif self._undecided(fused, t_ns):
             best = max(similar, key=lambda name: similar[name], default=None)
             if best is None or similar[best] < _CHOSEN:
                 self._chosen = None
@@ -221,6 +248,10 @@ class Witness:
                 self._chosen = best
                 return best, *_same_as(best, boxes)
         return ()
+
+    def _undecided(self, fused: Fused, t_ns: int) -> bool:
+        """Whether the answer has been without support for longer than one picture that went wrong."""
+        return fused.state != "tracking" and t_ns - self._supported_ns >= _UNDECIDED_S * 1e9
 
     def _learn_background(self, grey: np.ndarray, box: Box) -> None:
         for candidate in self._appearance.search(grey, (box[2], box[3]), (1.0,), 4):
@@ -270,7 +301,7 @@ def _box_of(fused: Fused) -> Box:
 
 def agreed(fused: Fused) -> bool:
     """Whether two trackers or more speak for the fused answer."""
-    agreeing = [j.reliability for j in fused.sources.values() if j.reliability > 0.5]
+    agreeing = [j.reliability for j in fused.sources.values() if j.reliability > _RELIABLE]
     return len(agreeing) >= 2 and sum(agreeing) >= _AGREED
 
 
