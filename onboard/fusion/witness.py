@@ -126,7 +126,7 @@ class Witness:
         similar = {name: min(1.0, self.likeness(grey, box) / clear) for name, box in boxes.items()}
         overruling = self._overruling(similar, boxes, fused) if foreseen is None else frozenset()
         if overruling:
-            return Verdict(frozenset(), boxes.keys() - overruling, tuple(sorted(overruling)))
+            return Verdict(frozenset(), frozenset(boxes.keys() - overruling), tuple(sorted(overruling)))
         others = frozenset() if fused is None else self._others(similar, boxes, several, fused, t_ns, foreseen)
         majority = () if foreseen is None else self._outvoted(similar, boxes, others, t_ns)
         others = frozenset(boxes.keys() - majority) if majority else others

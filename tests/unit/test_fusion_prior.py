@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from common.tracking.base import Box
-from onboard.fusion.prior import as_foreseen, elsewhere, out_of_reach
+from onboard.fusion.prior import as_foreseen, elsewhere, out_of_reach, rivals
 
 LAST: Box = (100.0, 100.0, 40.0, 40.0)
 NEAR: Box = (110.0, 95.0, 40.0, 40.0)
@@ -32,3 +32,14 @@ def test_somebody_beside_the_place_where_the_target_is_foreseen_or_of_another_si
     assert as_foreseen((112.0, 105.0, 25.0, 90.0), foreseen) and as_foreseen((98.0, 90.0, 30.0, 110.0), foreseen)
     assert not as_foreseen((146.0, 100.0, 25.0, 90.0), foreseen), "0.9 m beside somebody of 1.75 m"
     assert not as_foreseen((105.0, 110.0, 16.0, 60.0), foreseen)
+
+
+def test_two_that_agree_elsewhere_overrule_those_at_the_answer_if_they_look_more_like_it_or_are_more() -> None:
+    boxes: dict[str, Box] = {"here": NEAR, "too": LAST, "a": TWIN, "b": TWIN}
+    assert rivals({"here": 0.6, "too": 0.6, "a": 0.8, "b": 0.7}, boxes, LAST) == {"a", "b"}
+    assert not rivals({"here": 0.6, "too": 0.6, "a": 0.65, "b": 0.7}, boxes, LAST), "hardly more alike"
+    one: dict[str, Box] = {"here": NEAR, "a": TWIN, "b": TWIN}
+    assert rivals({"here": 0.7, "a": 0.65, "b": 0.7}, one, LAST) == {"a", "b"}, "two against one"
+    assert not rivals({"here": 0.9, "a": 0.65, "b": 0.7}, one, LAST)
+    assert not rivals({"a": 0.9, "b": 0.9}, {"a": TWIN, "b": TWIN}, LAST), "nobody is there to be overruled"
+    assert not rivals({"here": 0.2, "a": 0.9}, {"here": NEAR, "a": TWIN}, LAST), "one alone overrules nobody"

@@ -143,3 +143,23 @@ def test_in_a_picture_that_is_blurred_as_a_whole_less_likeness_is_asked() -> Non
     used_to_blur.judge(blurred, {}, True, tracking, 60_000_000_000)
     assert not used_to_detail.judge(blurred, {"a": BOX}, True, tracking, 50_000_000).doubted
     assert used_to_blur.judge(blurred, {"a": BOX}, True, tracking, 60_050_000_000).doubted == {"a"}
+
+
+def test_what_was_found_again_by_two_is_not_learned_and_gives_way_to_two_that_look_more_like_the_target() -> None:
+    witness, second = Witness(GREY, BOX, 0), 1_000_000_000
+    witness.judge(GREY, {"a": BOX}, True, _fused("tracking", 1.0, 0.9, 0.9), second)
+    witness.judge(GREY, {}, True, _fused("predicted"), second + 200_000_000)
+    here, there = _fused("tracking", 1.0, 0.9), {"a": ELSEWHERE, "b": ELSEWHERE, "c": BOX, "d": BOX}
+    before = witness.likeness(GREY, BOX)
+    witness.learn(GREY, BOX, here)
+    assert witness.likeness(GREY, BOX) == before
+    at_twin = Fused(0, "tracking", np.array([240.0, 165.0, 30.0, 40.0]), *_rest(here))
+    verdict = witness.judge(GREY, there, True, at_twin, second + 250_000_000)
+    assert (verdict.silent, verdict.begun) == ({"a", "b"}, ("c", "d"))
+    witness.learn(GREY, BOX, _fused("tracking", 1.0, 0.9, 0.8))
+    firm = witness.judge(GREY, there, True, at_twin, second + 300_000_000)
+    assert not firm.begun, "three made the answer firm"
+
+
+def _rest(fused: Fused) -> tuple:
+    return fused.rate, fused.covariance, fused.confidence, fused.sources, fused.restart
