@@ -20,6 +20,8 @@ _THERE = 0.4
 """Overlap with the answer above which a tracker is where the target was expected."""
 _APART = 0.2
 """Overlap with the answer below which it is at another thing."""
+_SURELY = 0.7
+"""Mean likeness above which those who agree surely are at the target."""
 _TOGETHER = 0.5
 """Overlap of trackers that agree."""
 _FORESEEN, _FORESEEN_GROWN = 0.7, 0.35
@@ -78,7 +80,8 @@ def elsewhere(similar: Mapping[str, float], boxes: Mapping[str, Box], last: Box)
 def rivals(similar: Mapping[str, float], boxes: Mapping[str, Box], last: Box) -> frozenset[str]:
     """The two or more trackers that agree elsewhere than those at the answer, and are at least as credible as these.
 
-    That is: they look clearly more like the target on average, or are more and look hardly less so.
+    That is: they look clearly more like the target on average, or are more and look hardly less so; where nobody is at
+    the answer, they surely look like the target.
 
     Args:
         similar: likeness of each tracker's box, 0 to 1.
@@ -89,9 +92,12 @@ def rivals(similar: Mapping[str, float], boxes: Mapping[str, Box], last: Box) ->
     away = {name: box for name, box in boxes.items() if jaccard(box, last) < _APART and similar[name] >= _LIKE}
     together = [frozenset(n for n in away if jaccard(away[n], box) > _TOGETHER) for box in away.values()]
     group = max(together, key=lambda names: (len(names), sum(similar[n] for n in names)), default=frozenset())
-    if not there or len(group) < 2:
+    if len(group) < 2:
         return frozenset()
-    lead = sum(similar[n] for n in group) / len(group) - sum(similar[n] for n in there) / len(there)
+    mean = sum(similar[n] for n in group) / len(group)
+    if not there:
+        return group if mean > _SURELY else frozenset()
+    lead = mean - sum(similar[n] for n in there) / len(there)
     return group if lead > (_CLEARLY if len(group) <= len(there) else -_CLEARLY) else frozenset()
 
 

@@ -142,7 +142,7 @@ class Witness:
     def _overruling(
         self, similar: Mapping[str, float], boxes: Mapping[str, Box], fused: Fused | None
     ) -> frozenset[str]:
-        """Trackers that agree elsewhere than an answer which was found again, and look more like the target than it.
+        """Trackers that agree elsewhere than an answer which was lost or found again, and look more like the target.
 
         What was followed is the target, whatever it looks like; what was found may be another thing.
         """
