@@ -4,11 +4,12 @@ Trackers of fixed shape ride on the side of a thing that they began with: while 
 beside their box, and none follows the ratio of the sides. What is around the box moves either with it or with the
 ground. Both motions are known, so each place is given to the one that explains its change better, and the box grows to
 the rectangle that holds most of what goes with the target. It never shrinks: what covers a part is no part of it.
-What looks as it did at first has not turned, and shows no other side: whatever goes along beside it is another thing.
+What looks as it did has not turned, and shows no other side: whatever goes along beside it is another thing.
 """
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass
 
@@ -36,11 +37,14 @@ _LIMIT = 0.08
 _CONTRAST = 0.3
 """Least difference of the mean preferences within the found rectangle and around it."""
 _TRIALS, _MOST_TRIALS, _TRIED = 5, 40, 0.6
-"""Maps of a time in which it looks as at first that are needed for the box to grow, and kept, and least overlap in
+"""Maps of a time in which it looks as it did that are needed for the box to grow, and kept, and least overlap in
 most of them of the box with what moves: of a face that moves with a body it is less, and the motion then tells nothing
 about the face."""
-_AS_AT_FIRST = 0.78
-"""Correlation with its first look above which it has not turned: 0.8 to 0.98 where it has not, else 0.1 to 0.7."""
+_AS_EVER, _SURELY_AS_EVER = 0.78, 0.82
+"""Correlation with its usual look above which it has not turned (0.8 to 0.98 where it has not, else 0.1 to 0.7), and
+above which maps tell whether the box is the whole."""
+_USUAL_S = 12.0
+"""Time constant with which the usual look follows slow changes while it has not turned."""
 _BLUR = 0.05
 """By how much the map's own blur moves an edge outwards, box sides."""
 _DOUBT, _DOUBT_PX = 0.15, 4.0
@@ -67,7 +71,7 @@ class Outline:
         self._seen: deque[_Seen] = deque()
         self._map = np.zeros((_CELLS, _CELLS), np.float32)
         self._trials: deque[float] = deque(maxlen=_MOST_TRIALS)
-        self._first_look: np.ndarray | None = None
+        self._usual_look: np.ndarray | None = None
         self._alike = 1.0
         self._grown = np.zeros(4)
         """How far the left, upper, right and lower edge lie outside the box, box sides."""
@@ -84,10 +88,9 @@ class Outline:
             box: the fused box in it, px.
         """
         now, look = _Seen(t_ns, grey, place, box), upright_patch(grey, box)
-        self._first_look = look if self._first_look is None else self._first_look
-        self._alike += _MEMORY * (float(self._first_look @ look) - self._alike)
-        wanted = self._look(now)
         before_ns = self._seen[-1].t_ns if self._seen else t_ns
+        self._compare(look, (t_ns - before_ns) * 1e-9)
+        wanted = self._look(now)
         most = _FASTEST * (t_ns - before_ns) * 1e-9
         if wanted is not None:
             self._grown = self._grown + np.clip(wanted - self._grown, -most, most)
@@ -106,6 +109,14 @@ class Outline:
         """Nobody sees the target, or it is followed anew: pictures of before say nothing about it."""
         self._seen.clear()
 
+    def _compare(self, look: np.ndarray, elapsed_s: float) -> None:
+        """Note how far a look (n,) is the usual one, which follows it slowly while it is."""
+        usual = look if self._usual_look is None else self._usual_look
+        self._alike += _MEMORY * (float(usual @ look) - self._alike)
+        if self._alike > _AS_EVER:
+            usual = usual - math.expm1(-elapsed_s / _USUAL_S) * (look - usual)
+        self._usual_look = usual / (float(np.linalg.norm(usual)) + 1e-6)
+
     def _look(self, now: _Seen) -> np.ndarray | None:
         """How far the edges lie outside, (4,), box sides; None where the pictures do not tell."""
         before = self._reference(now)
@@ -119,9 +130,10 @@ class Outline:
         inside[up:down, left:right] = True
         if inside.all() or self._map[inside].mean() - self._map[~inside].mean() < _CONTRAST:
             return None
-        if self._alike > _AS_AT_FIRST:
+        if self._alike > _SURELY_AS_EVER:
             one = (float(left), float(up), float(right - left), float(down - up))
             self._trials.append(jaccard(one, (_FIRST, _FIRST, _BOX_CELLS, _BOX_CELLS)))
+        if self._alike > _AS_EVER:
             return np.zeros(4)
         if len(self._trials) < _TRIALS or float(np.median(self._trials)) < _TRIED:
             return None
