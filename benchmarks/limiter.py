@@ -25,6 +25,8 @@ _RUN_IN_S = 10.0
 _SETTLED_S = 8.0
 _NEAR_M = 0.05
 _SMOOTH_S = 0.2
+_AHEAD_M = 1.0
+"""The curve is read ahead of the vehicle: so much before h_max its jerk begins to count."""
 _DT_S = 0.02
 _PAPER = LimiterConfig(h_min_m=0.7, v_max_m_s=3.0, h_max_m=8.0)
 """h_max is the sensor's range (Kinect v2, 8 m); v_max h_min = 1.4 · 1.5, so that b vanishes in experiment 2."""
@@ -110,10 +112,11 @@ def figures(flight: Flight) -> dict[str, float]:
     jerk = np.diff(smooth, 2) / _DT_S**2
     begun = int(np.argmax(distance < _PAPER.h_max_m))
     there = int(np.argmax(distance < stop_m + _NEAR_M))
+    slowed = int(np.argmax(distance < _PAPER.h_max_m + _AHEAD_M))
     return {
         "stop_m": stop_m,
         "min_m": float(distance.min()),
-        "peak_jerk_m_s3": float(np.abs(jerk[max(begun - width, 0) :]).max()),
+        "peak_jerk_m_s3": float(np.abs(jerk[slowed:]).max()),
         "time_to_stop_s": (there - begun) * _DT_S,
     }
 

@@ -116,9 +116,9 @@ def _curve(h, asked, intended, flown, braking, closing, law):  # type: ignore[no
             reference = min(reference, -back * min(v_i / law[FULL_FROM], 1.0))
         else:
             reference = max(reference, min(_clipped(left, 0.0, law[CREEP]), wanted) - nearing, 0.0)
-    beyond = _clipped((h - law[H_MAX]) / law[BAND], 0.0, 1.0)
+    beyond = _clipped((read_m - law[H_MAX]) / law[BAND], 0.0, 1.0)
     if beyond > 0.0:
-        reference = max(reference, beyond * _stoppable(h - law[H_MIN], law))
+        reference = max(reference, beyond * _stoppable(read_m - law[H_MIN], law))
     excess = 0.0
     if law[PUSH] == 0.0:
         near = _clipped((law[H_DESIRED] - read_m) / law[BRAKES_WITHIN], 0.0, 1.0)

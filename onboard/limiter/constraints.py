@@ -89,8 +89,8 @@ def curve(
         left = np.clip((h - config.h_desired_m) * config.push_back_gain_1_s, 0.0, CREEP_M_S)
         creep = np.maximum(np.minimum(left, asked) - closing, 0.0)
         reference = np.where(retreat > 0.0, np.minimum(reference, backing), np.maximum(reference, creep))
-    beyond = np.clip((distance_m - config.h_max_m) / config.band_m, 0.0, 1.0)
-    opened = np.maximum(reference, beyond * stoppable(distance_m - config.h_min_m, config))
+    beyond = np.clip((h - config.h_max_m) / config.band_m, 0.0, 1.0)
+    opened = np.maximum(reference, beyond * stoppable(h - config.h_min_m, config))
     reference = np.where(beyond > 0.0, opened, reference)
     excess = np.zeros(reference.shape)
     if config.push_back_m_s == 0.0:

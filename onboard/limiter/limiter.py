@@ -19,8 +19,8 @@ from onboard.limiter.constraints import (
     obstacle_rows,
     towards,
 )
-from onboard.limiter.law import Zone, zone
-from onboard.limiter.project import project, project_many, project_whole_stops, retreat, retreat_many
+from onboard.limiter.law import Zone, stopped_as_a_whole, zone
+from onboard.limiter.project import project_many, project_whole_stops, retreat_many
 from onboard.limiter.surroundings import Surroundings
 from onboard.limiter.volume import edges
 
@@ -139,26 +139,27 @@ def bounded(asked_m_s: Array, rows: Bounds, config: LimiterConfig) -> tuple[Arra
     Returns:
         The velocity, (3,), m/s, and the half-spaces, the hard ones as low as they are at its speed.
     """
-    if not len(rows.bounds_m_s):
-        return asked_m_s, rows
-    many, together = _projected(asked_m_s[None], Bounds(*(part[None] for part in rows)), config)
-    v, rows = many[0], Bounds(*(part[0] for part in together))
-    if not (rows.bounds_m_s < 0.0).any():
-        return v, rows
-    away, firm = retreat(v, rows.normals, rows.bounds_m_s), _firm(rows)
-    around = project(away, rows.normals, firm)
-    return around + _braking_share(rows)[..., None] * (_straight(v, away, rows.normals, firm) - around), rows
+    many, together = bounded_many(asked_m_s[None], Bounds(*(part[None] for part in rows)), config)
+    return many[0], Bounds(*(part[0] for part in together))
 
 
 def bounded_many(asked_m_s: Array, rows: Bounds, config: LimiterConfig) -> tuple[Array, Bounds]:
     """`bounded` for many vehicles, (N, 3), each with R half-spaces of its own."""
     v, rows = _projected(asked_m_s, rows, config)
     back = np.nonzero((rows.bounds_m_s < 0.0).any(axis=1))[0]
-    some = Bounds(*(part[back] for part in rows))
-    away, firm = retreat_many(v[back], some.normals, some.bounds_m_s), _firm(some)
-    around = project_many(away, some.normals, firm)
-    v[back] = around + _braking_share(some)[..., None] * (_straight(v[back], away, some.normals, firm) - around)
+    if len(back):
+        some = Bounds(*(part[back] for part in rows))
+        v[back] = _backing(v[back], some, config)
     return v, rows
+
+
+def _backing(v: Array, rows: Bounds, config: LimiterConfig) -> Array:
+    """Velocities (N, 3) that brake or back away from bounds below zero, under the hard bounds at the speed of it."""
+    away = retreat_many(v, rows.normals, rows.bounds_m_s)
+    speed = np.sqrt(np.maximum((v * v).sum(axis=-1), (away * away).sum(axis=-1)))
+    firm = _firm(rows, speed[..., None], config)
+    around, here = (project_many(w, rows.normals, firm) for w in (away, v))
+    return around + _braking_share(rows)[..., None] * (_straight(here, away, rows.normals, firm) - around)
 
 
 def _projected(asked_m_s: Array, rows: Bounds, config: LimiterConfig) -> tuple[Array, Bounds]:
@@ -182,13 +183,14 @@ def _braking_share(rows: Bounds) -> Array:
     return np.minimum(rows.excess_m_s.max(axis=-1) / _BRAKING_FROM_M_S, 1.0)
 
 
-def _firm(rows: Bounds) -> Array:
-    """Bounds while braking and backing away, m/s: the hard ones alone.
+def _firm(rows: Bounds, speed_m_s: Array, config: LimiterConfig) -> Array:
+    """Bounds while braking and backing away at up to a speed (..., 1), m/s: the hard ones alone.
 
     What is nearer than h_desired beside the way back takes its share in the retreat itself. If it closed the way, a
     vehicle between obstacles could not back away from the one that comes nearest.
     """
-    return np.where(rows.firm, np.maximum(rows.bounds_m_s, 0.0), np.inf)
+    hard = np.where(rows.firm, np.maximum(rows.bounds_m_s, 0.0), 0.0)
+    return np.where(rows.firm, stopped_as_a_whole(hard, speed_m_s, config), np.inf)
 
 
 def _rows(
