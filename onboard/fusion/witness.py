@@ -53,6 +53,8 @@ _AGREED = 1.2
 """Least sum of the reliabilities of two trackers or more that speak for the fused box."""
 _OUTVOTED_S = 0.5
 """How long two must have agreed elsewhere for the one that is where the answer is to be given up, s."""
+_TOGETHER_S = 0.12
+"""Time within which trackers that speak for the answer agree: in flight they do not all answer in one step."""
 _FIRM = 3
 """Trackers that must agree on an answer that was found again for it to count as followed, if there are so many."""
 _BACKGROUND_EVERY = 10
@@ -92,6 +94,8 @@ class Witness:
         self._agreed_ns = self._alone_ns = t_ns
         self._broken = False
         """Whether the answer has rested on nobody since two trackers, or a sure look, last spoke for it."""
+        self._spoke: dict[str, int] = {}
+        """When each tracker last spoke for the answer, ns."""
         self._found = False
         """Whether the answer has been without support since it was last firm: it may have been found, not followed."""
         self._appearance.learn_target(upright_patch(grey, box))
@@ -209,8 +213,8 @@ class Witness:
     def learn(self, grey: np.ndarray, box: Box, fused: Fused) -> None:
         """Learn the fused box where trackers that agree speak for it, and from time to time what else is like it."""
         self._number += 1
-        agreeing = sum(j.reliability > _RELIABLE for j in fused.sources.values())
-        if agreeing >= self._firm:
+        self._spoke |= {name: fused.t_ns for name, j in fused.sources.items() if j.reliability > _RELIABLE}
+        if sum(fused.t_ns - spoke_ns <= _TOGETHER_S * 1e9 for spoke_ns in self._spoke.values()) >= self._firm:
             self._found = False
         if agreed(fused) or (self._broken and self.likeness(grey, box) >= _SURELY):
             self._broken = False

@@ -161,5 +161,22 @@ def test_what_was_found_again_by_two_is_not_learned_and_gives_way_to_two_that_lo
     assert not firm.begun, "three made the answer firm"
 
 
+def test_three_that_answer_one_after_the_other_make_an_answer_firm_too() -> None:
+    witness, moment = Witness(GREY, BOX, 0), 40_000_000
+    witness.judge(GREY, {}, True, _fused("predicted"), 300_000_000)
+    for number, name in enumerate(("m0", "m1", "m2")):
+        judged = {name: Judgement(1.0, 0.0, 0.0, 0.0, 0.0, np.ones(4))}
+        here = _fused("tracking")
+        t_ns = 400_000_000 + number * moment
+        witness.learn(GREY, BOX, Fused(t_ns, "tracking", here.value, here.rate, here.covariance, 0.9, judged, ()))
+    before = witness.likeness(GREY, ELSEWHERE)
+    witness.learn(GREY, ELSEWHERE, Fused(600_000_000, "tracking", *_place_of(_fused("tracking", 1.0, 0.9))))
+    assert witness.likeness(GREY, ELSEWHERE) > before, "it is learned from again"
+
+
+def _place_of(fused: Fused) -> tuple:
+    return fused.value, *_rest(fused)
+
+
 def _rest(fused: Fused) -> tuple:
     return fused.rate, fused.covariance, fused.confidence, fused.sources, fused.restart
