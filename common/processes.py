@@ -130,6 +130,8 @@ SECTIONS: dict[str, str] = {
     "struck": "common.tracking.struck_config:StruckConfig",
     "tld": "common.tracking.tld_config:TldConfig",
     "mil": "common.tracking.mil_config:MilConfig",
+    "nano": "common.tracking.deep_config:NanoConfig",
+    "vit": "common.tracking.deep_config:VitConfig",
     "hab_df": "onboard.fusion.config:HabDfConfig",
     "fusion": "onboard.fusion.config:FusionConfig",
     "pursuit": "ground.pursuit.config:PursuitConfig",

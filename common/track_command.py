@@ -23,7 +23,8 @@ def add(sub: argparse._SubParsersAction) -> argparse.ArgumentParser:
         "--tracker",
         metavar="NAME",
         default="pursuit",
-        help="pursuit, dsst, cmt, struck, tld, mil, or hab-df, which fuses several (default: pursuit)",
+        help="pursuit, dsst, cmt, struck, tld, mil, nano and vit (networks, with your model files), or hab-df, which "
+        "fuses several (default: pursuit)",
     )
     which.add_argument(
         "--all", action="store_true", dest="side_by_side", help="each member of hab-df alone, and hab-df, side by side"

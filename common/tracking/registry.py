@@ -17,10 +17,13 @@ TRACKERS = {
     "struck": "common.tracking.struck:StruckTracker",
     "tld": "common.tracking.tld:TldTracker",
     "mil": "common.tracking.mil:MilTracker",
+    "nano": "common.tracking.deep:NanoTracker",
+    "vit": "common.tracking.deep:VitTracker",
     "hab-df": "onboard.fusion.tracker:HabDfTracker",
 }
 """Name to `module:Class`, imported when it is asked for: one costs half a second of compiled code, one stands on the
-vehicle's side. A class has `config_type` and is made from (its section, rng), or by its own `make(config, rng)`."""
+vehicle's side, two need the user's model files. A class has `config_type` and is made from (its section, rng), or by
+its own `make(config, rng)`."""
 
 
 def tracker_class(name: str) -> Any:

@@ -110,3 +110,50 @@ def write_raw_ssd(path: Path, size_px: int, boxes: int, sure: int) -> None:
         graph += _bytes(12, _tensor(name, values.shape))
     graph += _bytes(2, "ssd") + _bytes(11, _tensor("picture", (1, 3, size_px, size_px)))
     path.write_bytes(_number(1, 8) + _bytes(7, graph) + _bytes(8, _bytes(1, "") + _number(2, 13)))
+
+
+def _constant_head(name: str, source: str, values: np.ndarray, kernel_px: int) -> bytes:
+    """A convolution without weights, so that its output (1, C, ...) is `values` (C,) wherever it looks."""
+    window = (kernel_px, kernel_px)
+    graph = _node(
+        "Conv",
+        (source, f"{name}_w", f"{name}_b"),
+        name,
+        _integers("kernel_shape", window) + _integers("strides", window),
+    )
+    weights = np.zeros((len(values), 3, *window), np.float32)
+    return graph + _initializer(f"{name}_w", weights) + _initializer(f"{name}_b", values.astype(np.float32))
+
+
+def _write(path: Path, graph: bytes, inputs: dict[str, tuple[int, ...]], outputs: dict[str, tuple[int, ...]]) -> None:
+    graph += _bytes(2, "constant") + b"".join(_bytes(11, _tensor(name, shape)) for name, shape in inputs.items())
+    graph += b"".join(_bytes(12, _tensor(name, shape)) for name, shape in outputs.items())
+    path.write_bytes(_number(1, 8) + _bytes(7, graph) + _bytes(8, _bytes(1, "") + _number(2, 13)))
+
+
+def _both(one: str, other: str) -> bytes:
+    """`both`: an input, and nothing of another one: a network may not leave an input out."""
+    graph = _node("GlobalAveragePool", (one,), "mean") + _node("Mul", ("mean", "nothing"), "zero")
+    return graph + _initializer("nothing", np.zeros((1, 3, 1, 1), np.float32)) + _node("Add", (other, "zero"), "both")
+
+
+def write_constant_vit(path: Path, score: float) -> None:
+    """What OpenCV's `TrackerVit` takes: every place is the target with this score, as large as before."""
+    values = {"output1": [score], "output2": [0.25, 0.25], "output3": [0.5, 0.5]}
+    graph = _both("template", "search")
+    graph += b"".join(_constant_head(name, "both", np.array(value), 16) for name, value in values.items())
+    outputs = {name: (1, len(value), 16, 16) for name, value in values.items()}
+    _write(path, graph, {"template": (1, 3, 128, 128), "search": (1, 3, 256, 256)}, outputs)
+
+
+def write_constant_nano(backbone: Path, neckhead: Path, logit: float) -> None:
+    """What OpenCV's `TrackerNano` takes: every place is the target with this logit, its sides 32 px of the search."""
+    pooled = _node(
+        "AveragePool", ("input",), "output", _integers("kernel_shape", (15, 15)) + _integers("strides", (16, 16))
+    )
+    _write(backbone, pooled, {"input": (1, 3, 255, 255)}, {"output": (1, 3, 16, 16)})
+    values = {"output1": [0.0, logit], "output2": [16.0] * 4}
+    graph = _both("input1", "input2")
+    graph += b"".join(_constant_head(name, "both", np.array(value), 1) for name, value in values.items())
+    outputs = {name: (1, len(value), 16, 16) for name, value in values.items()}
+    _write(neckhead, graph, {"input1": (1, 3, 8, 8), "input2": (1, 3, 16, 16)}, outputs)

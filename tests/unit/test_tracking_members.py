@@ -22,7 +22,7 @@ CONFIG = load_config(None)
 FILM = list(Scene(straight(120.0), seed=7).frames(1.0))
 
 
-@pytest.mark.parametrize("name", TRACKERS)
+@pytest.mark.parametrize("name", sorted(set(TRACKERS) - {"nano", "vit"}))
 def test_each_tracker_follows_and_keeps_the_contract(name: str) -> None:
     tracker = make_tracker(name, CONFIG, np.random.default_rng(3))
     _, frame, pose = FILM[0]
