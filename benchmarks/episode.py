@@ -56,6 +56,8 @@ _TO_SETPOINT_NS = 25_000_000
 _TAKEOFF_S = 60.0
 _SLOPE_S = 0.5
 _COURSE_GAIN_1_S = 0.3
+_CLIMB_GAIN_1_S = 0.8
+"""The law's own, towards the height at which a lost target is looked for."""
 _STATE_CYCLES = 5  # of the autopilot's between two states: 50 Hz
 _GYRO_BIAS_RAD_S, _FORCE_BIAS_M_S2 = 0.0005, 0.03  # what an autopilot's own bias estimates leave, standard deviations
 
@@ -79,11 +81,18 @@ class Episode:
         scenario: what the world shows.
         seed: of world, vehicle and tracker.
         height_m: height of the chase, m; or its course, a function of the time since the chase began, s. A course is
-            flown as an operator's climb and sink would be; the chase law then leaves the height alone.
+            flown as an operator's climb and sink would be; the chase law then leaves the height alone. For a target
+            out of sight the operator does what the law would: climbs, but not above `top_m`.
+        top_m: greatest height of the course, m.
     """
 
     def __init__(
-        self, config: Config, scenario: ScenarioConfig, seed: int, height_m: float | Callable[[float], float] = 5.0
+        self,
+        config: Config,
+        scenario: ScenarioConfig,
+        seed: int,
+        height_m: float | Callable[[float], float] = 5.0,
+        top_m: float = 0.0,
     ):
         self.recorder = ChaseRecorder(selections=1)
         self.trace = Trace()
@@ -115,6 +124,8 @@ class Episode:
         self._period_ns = round(1e9 / self._camera.rate_hz)
         self._request: Candidate | None = None
         self._course = height_m if callable(height_m) else None
+        self._top_m = top_m
+        self._seen_ns = 0
         self._height_m = height_m(0.0) if callable(height_m) else height_m
         self._begun_ns = 0
 
@@ -131,7 +142,7 @@ class Episode:
         cv2.setNumThreads(1)
         try:
             self._take_off()
-            start_ns = self._begun_ns = self._now_ns()
+            start_ns = self._begun_ns = self._seen_ns = self._now_ns()
             selected = False
             for index in itertools.count():
                 capture_ns = start_ns + index * self._period_ns
@@ -181,6 +192,8 @@ class Episode:
 
     def _obey(self, pursued: Pursued | None, capture_ns: int) -> None:
         """What helm does with the request, at the time when its setpoint would reach the autopilot."""
+        if pursued is not None and pursued.seen:
+            self._seen_ns = capture_ns
         held = self.held_s[0] <= (capture_ns - self._begun_ns) / 1e9 < self.held_s[1]
         if pursued is not None and pursued.wish is not None and not held:
             request = request_of(pursued.wish)
@@ -198,9 +211,12 @@ class Episode:
             self._send(flown.local)
 
     def _climb_of_course(self, t_ns: int) -> float:
-        """Upward velocity that keeps to the course of the height, m/s; 0 without one."""
+        """Upward velocity that keeps to the course of the height, or climbs for a lost target, m/s; 0 without one."""
         if self._course is None:
             return 0.0
+        if t_ns - self._seen_ns > self._pursuit.climb_after_s * _SEC_NS:
+            short_m = self._top_m + self._vehicle.estimate.ned_p_m[2]
+            return min(max(_CLIMB_GAIN_1_S * short_m, -self._pursuit.sink_m_s), self._pursuit.climb_m_s)
         t_s = (t_ns - self._begun_ns) / 1e9
         slope_m_s = (self._course(t_s + _SLOPE_S) - self._course(t_s)) / _SLOPE_S
         return slope_m_s + _COURSE_GAIN_1_S * (self._course(t_s) + self._vehicle.estimate.ned_p_m[2])

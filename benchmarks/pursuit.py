@@ -89,7 +89,8 @@ def fly(flight: Flight, index: int) -> Flown:
     ]
     still = flight.scene == "still"
     scenario = still_scenario(flight.seed) if still else chase_scenario(flight.seed)
-    episode = Episode(load_config("kite", overrides), scenario, flight.seed, _still_height_m if still else _height_m)
+    course, top_m = (_still_height_m, _STILL_HEIGHT_M) if still else (_height_m, _CHASE_HEIGHT_M + _HEIGHT_SWING_M)
+    episode = Episode(load_config("kite", overrides), scenario, flight.seed, course, top_m)
     if flight.tracker == "CamShift":
         episode.use(CamShiftTracker)
 
