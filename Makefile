@@ -34,7 +34,8 @@ demo: .venv/.ready-run
 	@.venv/bin/outrider demo $(ARGS)
 
 test: .venv/.ready-test
-	$(PYTEST) $(BESIDE) -m "not alone"
+	$(PYTEST) $(BESIDE) -m "not alone and not in_pairs"
+	$(PYTEST) -n 2 --dist loadfile tests/system -m in_pairs
 	$(PYTEST) tests/system tests/browser -m alone
 
 fast: .venv/.ready-dev

@@ -29,6 +29,15 @@ _LANES = {
 }
 """Tests in real time that wait more than they compute: on several processes each row runs in one, file after file, and
 they go first. The other tests fill the cores beside them."""
+_PAIRS = (
+    "test_doctor_command.py",
+    "test_external_autopilot.py",
+    "test_faults_in_flight.py",
+    "test_reinitialise.py",
+    "test_stick_is_taken.py",
+    "test_two_machines.py",
+)
+"""Flights over the calm scene, which take less than half of two cores: two at a time, and nothing else beside them."""
 _LANE = {name: lane for lane, names in _LANES.items() for name in names}
 
 
@@ -75,7 +84,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         for mark in _FOLDER_MARKS:
             if mark in Path(item.path).parent.parts:
                 item.add_marker(mark)
-                if item.path.name not in _LANE:
+                if item.path.name in _PAIRS:
+                    item.add_marker("in_pairs")
+                elif item.path.name not in _LANE:
                     item.add_marker("alone")
     if hasattr(config, "workerinput"):
         long = {item.path for item in items if item.get_closest_marker("slow")}
