@@ -12,6 +12,7 @@ from common.geometry.camera import DepthCamera
 from common.geometry.depth import in_mm
 from common.geometry.rotation import as_quat, as_vec3, quat_multiply
 from common.messages import Image, Obstacle, View
+from onboard.limiter.map import covered
 from onboard.proximity.blindness import Blind, Taken, Watch
 from onboard.proximity.closing import closing_speeds
 from onboard.proximity.config import ProximityConfig
@@ -48,7 +49,7 @@ class Lookout:
         self._sensor, self._config = sensor, config
         self._grid = SectorGrid(sensor, config)
         self._watch = Watch(config)
-        self._before: deque[tuple[int, Array]] = deque()
+        self._before: deque[tuple[int, Array, View]] = deque()
         self._close_ns = np.full(config.rows * config.columns, -10 * int(_CLOSE_S * 1e9))
 
     def look(self, image: Image, capture_ns: int, pose: Pose) -> Report:
@@ -63,8 +64,9 @@ class Lookout:
         sight = self._grid.look(in_mm(image), pose.ned_q_body, -float(pose.ned_p_m[2]))
         if sight.share < self._config.alive_share:
             return self.blind(pose.ned_q_body, "empty")
-        speeds = self._closing(sight, capture_ns, pose)
         distances = np.linalg.norm(sight.ned_points_m, axis=1)
+        view = self._view(pose.ned_q_body, self._trusted(sight, distances, capture_ns))
+        speeds = self._closing(sight, view, capture_ns, pose)
         obstacles = tuple(
             Obstacle(
                 distance_m=float(distance),
@@ -73,20 +75,23 @@ class Lookout:
             )
             for point, distance, speed in zip(sight.ned_points_m, distances, speeds, strict=True)
         )
-        return Report(obstacles, self._view(pose.ned_q_body, self._trusted(sight, distances, capture_ns)), "")
+        return Report(obstacles, view, "")
 
     def blind(self, ned_q_body: Array, reason: Blind) -> Report:
         """A report of seeing nothing, at an attitude."""
         return Report((), self._view(ned_q_body, np.zeros(self._config.rows * self._config.columns, bool)), reason)
 
-    def _closing(self, sight: Sight, capture_ns: int, pose: Pose) -> Array:
-        """Own closing speed of each point, m/s, against the points of a moment ago."""
+    def _closing(self, sight: Sight, view: View, capture_ns: int, pose: Pose) -> Array:
+        """Own closing speed of each point, m/s, against the points of a moment ago; 0 where nobody looked then.
+
+        Of a wall that comes into a turning view only the far end was seen before: its near end would seem to rush up.
+        """
         config = self._config
         while len(self._before) > 1 and capture_ns - self._before[1][0] >= config.look_back_s * 1e9:
             self._before.popleft()
         speeds = np.zeros(len(sight.ned_points_m))
         if self._before:
-            before_ns, ned_m = self._before[0]
+            before_ns, ned_m, view_then = self._before[0]
             dt_s = (capture_ns - before_ns) / 1e9
             beside = (
                 _BESIDE
@@ -102,7 +107,8 @@ class Lookout:
                     config.closing_noise_m_s,
                     config.closing_limit_m_s,
                 )
-        self._before.append((capture_ns, sight.ned_points_m + pose.ned_p_m))
+                speeds[~covered(view_then, sight.ned_points_m)] = 0.0
+        self._before.append((capture_ns, sight.ned_points_m + pose.ned_p_m, view))
         return np.where(sight.cells < 0, 0.0, speeds)  # what lies beneath or overhead is a surface
 
     def _trusted(self, sight: Sight, distances: Array, capture_ns: int) -> NDArray[np.bool_]:

@@ -134,10 +134,17 @@ class Flight:
         self.index = itertools.count(1)
         self.rng = np.random.default_rng(1)
 
-    def show(self, depth: np.ndarray, north: float = 0.0, noise_m: float = 0.005, stamp: int | None = None) -> Report:
+    def show(
+        self,
+        depth: np.ndarray,
+        north: float = 0.0,
+        noise_m: float = 0.005,
+        stamp: int | None = None,
+        ned_q_body: np.ndarray = LEVEL,
+    ) -> Report:
         noisy = depth + self.rng.normal(0.0, noise_m, depth.shape) if noise_m else depth
         capture_ns = next(self.index) * 50 * MS if stamp is None else stamp
-        pose = Pose(np.array([north, 0.0, -2.0]), LEVEL)
+        pose = Pose(np.array([north, 0.0, -2.0]), ned_q_body)
         return self.lookout.look(to_image("front", noisy.astype(np.float32)), capture_ns, pose)
 
 
@@ -202,6 +209,19 @@ def test_what_steps_into_the_line_of_sight_has_no_closing_speed() -> None:
     assert closing_speeds(np.array([(3.0, 0.0, 0.0)]), before, 0.3, 0.15, 0.3, 3.0).tolist() == [0.0]
     assert closing_speeds(np.array([(3.0, 0.0, 0.0)]), np.zeros((0, 3)), 0.3, 0.15, 0.3, 3.0).tolist() == [0.0]
     assert closing_speeds(np.zeros((0, 3)), before, 0.3, 0.15, 0.3, 3.0).shape == (0,)
+
+
+def test_a_wall_that_comes_into_a_turning_view_does_not_rush_up() -> None:
+    flight = Flight()
+    for index in range(16):
+        yaw = 0.025 * index  # 0.5 rad/s
+        east = RAYS[..., 2] * np.sin(yaw) + RAYS[..., 0] * np.cos(yaw)
+        with np.errstate(divide="ignore"):
+            wall = np.where(east > 0, 3.0 / east, np.inf)  # along the vehicle's right; its near end comes into view
+        depth = np.where(wall <= 8.0, wall, np.nan)
+        report = flight.show(depth, ned_q_body=quat_from_euler(0.0, 0.0, yaw))
+        assert len(report.obstacles) > 5
+        assert all(np.linalg.norm(o.ned_v_m_s) == 0.0 for o in report.obstacles), index
 
 
 def test_noise_of_the_range_moves_the_distance_by_centimetres_at_most() -> None:
