@@ -49,7 +49,7 @@ class Lookout:
         self._sensor, self._config = sensor, config
         self._grid = SectorGrid(sensor, config)
         self._watch = Watch(config)
-        self._before: deque[tuple[int, Array, View]] = deque()
+        self._before: deque[tuple[int, Array, Array, View]] = deque()
         self._close_ns = np.full(config.rows * config.columns, -10 * int(_CLOSE_S * 1e9))
 
     def look(self, image: Image, capture_ns: int, pose: Pose) -> Report:
@@ -91,7 +91,7 @@ class Lookout:
             self._before.popleft()
         speeds = np.zeros(len(sight.ned_points_m))
         if self._before:
-            before_ns, ned_m, view_then = self._before[0]
+            before_ns, ned_m, ned_p_then_m, view_then = self._before[0]
             dt_s = (capture_ns - before_ns) / 1e9
             beside = (
                 _BESIDE
@@ -107,8 +107,8 @@ class Lookout:
                     config.closing_noise_m_s,
                     config.closing_limit_m_s,
                 )
-                speeds[~covered(view_then, sight.ned_points_m)] = 0.0
-        self._before.append((capture_ns, sight.ned_points_m + pose.ned_p_m, view))
+                speeds[~covered(view_then, sight.ned_points_m + pose.ned_p_m - ned_p_then_m)] = 0.0
+        self._before.append((capture_ns, sight.ned_points_m + pose.ned_p_m, pose.ned_p_m, view))
         return np.where(sight.cells < 0, 0.0, speeds)  # what lies beneath or overhead is a surface
 
     def _trusted(self, sight: Sight, distances: Array, capture_ns: int) -> NDArray[np.bool_]:

@@ -211,15 +211,18 @@ def test_what_steps_into_the_line_of_sight_has_no_closing_speed() -> None:
     assert closing_speeds(np.zeros((0, 3)), before, 0.3, 0.15, 0.3, 3.0).shape == (0,)
 
 
-def test_a_wall_that_comes_into_a_turning_view_does_not_rush_up() -> None:
+@pytest.mark.parametrize("own_m_s", [-1.5, 0.0, 1.5])
+def test_a_wall_that_comes_into_a_turning_view_does_not_rush_up(own_m_s: float) -> None:
     flight = Flight()
     for index in range(16):
-        yaw = 0.025 * index  # 0.5 rad/s
-        east = RAYS[..., 2] * np.sin(yaw) + RAYS[..., 0] * np.cos(yaw)
+        yaw, north = 0.025 * index, 0.05 * index * own_m_s  # 0.5 rad/s
+        right = RAYS[..., 2] * np.sin(yaw) + RAYS[..., 0] * np.cos(yaw)
+        ahead = RAYS[..., 2] * np.cos(yaw) - RAYS[..., 0] * np.sin(yaw)
+        across = right + 0.5 * ahead
         with np.errstate(divide="ignore"):
-            wall = np.where(east > 0, 3.0 / east, np.inf)  # along the vehicle's right; its near end comes into view
+            wall = np.where(across > 0, (4.0 - 0.5 * north) / across, np.inf)  # oblique, its near end to the right
         depth = np.where(wall <= 8.0, wall, np.nan)
-        report = flight.show(depth, ned_q_body=quat_from_euler(0.0, 0.0, yaw))
+        report = flight.show(depth, north, ned_q_body=quat_from_euler(0.0, 0.0, yaw))
         assert len(report.obstacles) > 5
         assert all(np.linalg.norm(o.ned_v_m_s) == 0.0 for o in report.obstacles), index
 
