@@ -14,9 +14,9 @@ _STEPS = round(CONTROL_S / DT_S)
 class Oracles:
     """For each obstacle, a copy of its vehicle that brakes fully from the instant at which it enters range and view.
 
-    That is the first of the sensor's pictures that has it in range and view, delivered or not. Until then the copy
-    flies as the vehicle does: what comes from the side or from behind may have been nearer before. They
-    depend on nothing that comes later, so all are flown at the end, together, each for the time that was left.
+    Whether a picture of the sensor has it or not. Until then the copy flies as the vehicle does: what comes from the
+    side or from behind may have been nearer before. They depend on nothing that comes later, so all are flown at the
+    end, together, each for the time that was left.
 
     Args:
         scene: the encounters.

@@ -139,7 +139,7 @@ def fly(scene: Scene, config: LimiterConfig, rng: np.random.Generator) -> Ends:
         viewed |= seen
         if tick % _SAMPLE_TICKS == 0:
             pictured |= seen
-            oracles.watch(tick, seen, vehicles, nearest)
+        oracles.watch(tick, seen, vehicles, nearest)
         sensor.look(tick, t_s, vehicles.p)
         setpoint, braking = _limited(scene, config, sensor, vehicles, braking, t_s, rng)
         for _ in range(_STEPS):
