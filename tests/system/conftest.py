@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 
 from common.config import find_file
-from tests.system.stack import External, Flight, Link, Stack
+from tests.system.flight import Flight
+from tests.system.radio import Link
+from tests.system.stack import External, Stack
 
 
 @pytest.fixture

@@ -14,7 +14,8 @@ from pathlib import Path
 import pytest
 
 from tests.machine import free_ports
-from tests.system.stack import Flight, Seen, Stack
+from tests.system.flight import Flight, Seen
+from tests.system.stack import Stack
 
 MakeStack = Callable[..., Stack]
 

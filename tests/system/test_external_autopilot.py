@@ -12,7 +12,8 @@ import pytest
 
 from tests.machine import free_ports
 from tests.system.bridge import Bridge
-from tests.system.stack import Flight, Seen, Stack
+from tests.system.flight import Flight, Seen
+from tests.system.stack import Stack
 
 MakeStack = Callable[..., Stack]
 pytestmark = [pytest.mark.slow, pytest.mark.own_autopilot]

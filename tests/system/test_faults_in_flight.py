@@ -14,7 +14,7 @@ from common import topics
 from common.codec import encode, schema_hash
 from common.header import Header
 from common.messages import Request
-from tests.system.stack import Flight
+from tests.system.flight import Flight
 
 MakeFlight = Callable[..., Flight]
 

@@ -17,7 +17,7 @@ from common.messages import Health, Track
 from ground.console.page import FOR_FOLLOWER
 from onboard.helm.config import HelmConfig
 from tests.system.console_page import ConsolePage
-from tests.system.stack import Flight, Seen
+from tests.system.flight import Flight, Seen
 
 SCENARIO = """
 seed = 5

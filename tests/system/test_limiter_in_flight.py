@@ -22,7 +22,8 @@ from common.header import Received
 from common.messages import LimiterStatus, Request, VehicleState
 from common.truth import Truth
 from onboard.limiter.config import LimiterConfig
-from tests.system.stack import Flight, Seen, Stack
+from tests.system.flight import Flight, Seen
+from tests.system.stack import Stack
 
 pytestmark = pytest.mark.own_autopilot
 

@@ -15,7 +15,8 @@ import pytest
 from common.bus import Bus
 from common.messages import Health, Image, Track
 from common.recording import Recorded, read_configuration, read_recording
-from tests.system.stack import Seen, Stack
+from tests.system.flight import Seen
+from tests.system.stack import Stack
 
 MakeStack = Callable[..., Stack]
 

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from common.messages import Track
-from tests.system.stack import Flight, Seen
+from tests.system.flight import Flight, Seen
 
 SCENARIO = """
 seed = 5

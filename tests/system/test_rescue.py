@@ -17,7 +17,8 @@ from common.truth import Truth
 from simulation.demo.rescue import match
 from tests.browser.view import View, chromium_started, open_view
 from tests.system.console_page import ConsolePage
-from tests.system.stack import Flight, Seen, Stack
+from tests.system.flight import Flight, Seen
+from tests.system.stack import Stack
 
 NEAR_M = 0.5
 GOAL_M = 0.4

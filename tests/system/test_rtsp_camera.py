@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from tests.machine import free_ports
-from tests.system.stack import Seen, Stack
+from tests.system.flight import Seen
+from tests.system.stack import Stack
 
 SERVER = Path(__file__).parent / "rtsp_server.py"
 

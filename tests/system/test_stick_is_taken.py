@@ -14,7 +14,7 @@ import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import common as mavlink
 
-from tests.system.stack import Flight, Seen
+from tests.system.flight import Flight, Seen
 
 MakeFlight = Callable[..., Flight]
 FREEZER = Path(__file__).parent / "freezer"

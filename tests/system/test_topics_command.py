@@ -11,7 +11,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from tests.system.stack import Seen, Stack
+from tests.system.flight import Seen
+from tests.system.stack import Stack
 
 
 @pytest.fixture

@@ -12,7 +12,8 @@ from benchmarks.sample_video import sample_video
 from common.header import Received
 from common.messages import Command, Track
 from tests.replay.test_vtest_person import BOXES
-from tests.system.stack import Seen, Stack
+from tests.system.flight import Seen
+from tests.system.stack import Stack
 
 LENGTH = 795
 """Frames of the video; it begins again at its end."""
