@@ -7,42 +7,23 @@ nothing supports the answer.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
-from common.evaluation import jaccard
-from common.tracking.appearance import Appearance, upright_patch
 from common.tracking.base import Box
 from onboard.fusion.center import Fused
+from onboard.fusion.doubt import ALONE_UNLIKE, CLEARLY, SURELY, doubted, found_alone, same_as
+from onboard.fusion.look import Look
 from onboard.fusion.prior import as_foreseen, elsewhere, out_of_reach, rivals
 
-_DOUBTFUL = 0.45
-"""Relative similarity below which a tracker's box is doubted if another's is clearly more similar."""
-_CORRELATED = 0.5
-"""Correlation with a known patch below which a box is taken for less similar than it is relative to the background."""
-_CLEARLY = 0.1
-_UNLIKE, _ALONE_UNLIKE = 0.3, 0.5
-"""Relative similarity below which it is doubted in any case, and when the other trackers say that they are lost."""
 _ALONE_THERE_UNLIKE = 0.4
-"""The same of one that is alone, and is where the answer was: it has not gone to something else."""
+"""Least relative similarity of a tracker that is alone, and is where the answer was: it has not gone elsewhere."""
 _FOUND_UNLIKE = 0.6
 """The same of one that is alone after the answer had rested on nobody: it has found something, maybe what covers it."""
 _BROKEN_S = 0.15
 """For how long nobody must have spoken for the answer for it to count as broken off, s."""
-_SURELY = 0.7
-"""Relative similarity from which a box is the target, though one tracker alone has it."""
-_SAME = 0.5
-"""Overlap above which two boxes are the same."""
-_SHRINK = 0.25
-"""Size of the picture in which detail is measured, over the whole: there noise is none."""
-_DETAIL_MEMORY_S = 3.0
-"""Time constant with which the usual detail follows the pictures, s."""
-_CLEAR, _LEAST_CLEAR = 1.5, 0.5
-"""Detail over its usual value counts as full from one over the first on; the second is the least that is reckoned."""
 _UNDECIDED_S = 0.06
 """How long the answer must have been without support before one tracker is chosen to speak, s."""
 _CHOSEN = 0.5
@@ -57,10 +38,6 @@ _TOGETHER_S = 0.12
 """Time within which trackers that speak for the answer agree: in flight they do not all answer in one step."""
 _FIRM = 3
 """Trackers that must agree on an answer that was found again for it to count as followed, if there are so many."""
-_BACKGROUND_EVERY = 10
-"""Pictures between two looks for what else is like the target."""
-_APART = 0.2
-"""Largest overlap with the target of what counts as background."""
 
 
 @dataclass(frozen=True)
@@ -87,8 +64,6 @@ class Witness:
 
     def __init__(self, grey: np.ndarray, box: Box, t_ns: int, trackers: int = _FIRM):
         self._firm = min(_FIRM, trackers)
-        self._appearance = Appearance()
-        self._number = 0
         self._supported_ns = t_ns
         self._chosen: str | None = None
         self._agreed_ns = self._alone_ns = t_ns
@@ -98,10 +73,7 @@ class Witness:
         """When each tracker last spoke for the answer, ns."""
         self._found = False
         """Whether the answer has been without support since it was last firm: it may have been found, not followed."""
-        self._appearance.learn_target(upright_patch(grey, box))
-        self._learn_background(grey, box)
-        self._detail, self._looked_ns = 0.0, t_ns
-        self._clearness(grey, t_ns)
+        self._look = Look(grey, box, t_ns)
 
     def judge(
         self,
@@ -126,8 +98,8 @@ class Witness:
         if fused is not None and fused.state != "tracking" and t_ns - self._supported_ns >= _BROKEN_S * 1e9:
             self._broken = True
         self._found |= fused is not None and self._undecided(fused, t_ns)
-        clear = self._clearness(grey, t_ns)
-        similar = {name: min(1.0, self.likeness(grey, box) / clear) for name, box in boxes.items()}
+        self._look.see(grey, t_ns)
+        similar = {name: self._look.likeness_in_seen(grey, box) for name, box in boxes.items()}
         overruling = self._overruling(similar, boxes, fused) if foreseen is None else frozenset()
         if overruling:
             return Verdict(frozenset(), frozenset(boxes.keys() - overruling), tuple(sorted(overruling)))
@@ -136,12 +108,12 @@ class Witness:
         others = frozenset(boxes.keys() - majority) if majority else others
         similar = {name: likeness for name, likeness in similar.items() if name not in others}
         boxes = {name: box for name, box in boxes.items() if name not in others}
-        among = fused if several else None
-        begun = majority or self._choose(similar, boxes, fused, t_ns) or _found_alone(similar, boxes, among)
-        heard = boxes.keys() if self._chosen is None else {self._chosen, *_same_as(self._chosen, boxes)}
+        among = None if fused is None or not several else _box_of(fused)
+        begun = majority or self._choose(similar, boxes, fused, t_ns) or found_alone(similar, boxes, among)
+        heard = boxes.keys() if self._chosen is None else {self._chosen, *same_as(self._chosen, boxes)}
         least = _FOUND_UNLIKE if self._broken else _ALONE_THERE_UNLIKE
-        doubted = _doubted(similar, boxes, among, least, foreseen)
-        return Verdict(doubted, others | (boxes.keys() - heard), begun)
+        doubts = doubted(similar, boxes, among, least, foreseen)
+        return Verdict(doubts, others | (boxes.keys() - heard), begun)
 
     def _overruling(
         self, similar: Mapping[str, float], boxes: Mapping[str, Box], fused: Fused | None
@@ -183,7 +155,7 @@ class Witness:
         They must look no less like the target: then they are the majority, and the answer has gone astray with the one.
         """
         heard = boxes.keys() - others
-        pairs = [{name, *_same_as(name, {n: boxes[n] for n in others})} for name in others]
+        pairs = [{name, *same_as(name, {n: boxes[n] for n in others})} for name in others]
         pair: set[str] = max(pairs, key=len, default=set())
         likeness = max((similar[name] for name in pair), default=0.0)
         if len(heard) != 1 or len(pair) < 2 or likeness < similar[next(iter(heard))]:
@@ -191,39 +163,19 @@ class Witness:
         return tuple(sorted(pair)) if t_ns - self._alone_ns >= _OUTVOTED_S * 1e9 else ()
 
     def likeness(self, grey: np.ndarray, box: Box) -> float:
-        """Relative similarity of a box, less where it correlates with no known patch of the target, 0 to 1.
-
-        While little is known of the background, anything is more like the target than like that.
-        """
-        similarity, correlation = self._appearance.similarity(upright_patch(grey, box))
-        return similarity * min(1.0, max(0.0, correlation / _CORRELATED))
-
-    def _clearness(self, grey: np.ndarray, t_ns: int) -> float:
-        """How much detail the whole picture has against what is usual, `_LEAST_CLEAR` to 1.
-
-        In a picture that is blurred or dark as a whole, nothing looks as it did, the target no less than the rest.
-        """
-        small = cv2.resize(grey, None, fx=_SHRINK, fy=_SHRINK, interpolation=cv2.INTER_AREA)
-        detail = float(cv2.Laplacian(small, cv2.CV_32F).std())
-        share = -math.expm1(-max(0, t_ns - self._looked_ns) * 1e-9 / _DETAIL_MEMORY_S)
-        self._detail = detail if self._detail == 0.0 else self._detail + share * (detail - self._detail)
-        self._looked_ns = t_ns
-        return min(1.0, max(_LEAST_CLEAR, _CLEAR * detail / max(self._detail, 1e-6)))
+        """How like the target a box looks, 0 to 1 (`Look.likeness`)."""
+        return self._look.likeness(grey, box)
 
     def learn(self, grey: np.ndarray, box: Box, fused: Fused) -> None:
         """Learn the fused box where trackers that agree speak for it, and from time to time what else is like it."""
-        self._number += 1
         self._spoke |= {name: fused.t_ns for name, j in fused.sources.items() if j.reliability > _RELIABLE}
         if sum(fused.t_ns - spoke_ns <= _TOGETHER_S * 1e9 for spoke_ns in self._spoke.values()) >= self._firm:
             self._found = False
-        if agreed(fused) or (self._broken and self.likeness(grey, box) >= _SURELY):
+        if agreed(fused) or (self._broken and self._look.likeness(grey, box) >= SURELY):
             self._broken = False
         if agreed(fused):
             self._agreed_ns = fused.t_ns
-        if agreed(fused) and not self._found:
-            self._appearance.learn_target(upright_patch(grey, box))
-            if self._number % _BACKGROUND_EVERY == 0:
-                self._learn_background(grey, box)
+        self._look.learn(grey, box, sure=agreed(fused) and not self._found)
 
     def vouches(self, grey: np.ndarray, box: Box, fused: Fused) -> bool:
         """Whether trackers may be put on the fused box: several speak for it, or it looks like the target.
@@ -231,7 +183,7 @@ class Witness:
         Not where one alone has found it after the answer broke off: those that are put there agree at once, and what
         they agree on would be learned.
         """
-        return agreed(fused) or (not self._broken and self.likeness(grey, box) >= _ALONE_UNLIKE)
+        return agreed(fused) or (not self._broken and self._look.likeness(grey, box) >= ALONE_UNLIKE)
 
     def _choose(
         self, similar: Mapping[str, float], boxes: Mapping[str, Box], fused: Fused | None, t_ns: int
@@ -248,54 +200,14 @@ class Witness:
             best = max(similar, key=lambda name: similar[name], default=None)
             if best is None or similar[best] < _CHOSEN:
                 self._chosen = None
-            elif self._chosen is None or similar.get(self._chosen, 0.0) < similar[best] - _CLEARLY:
+            elif self._chosen is None or similar.get(self._chosen, 0.0) < similar[best] - CLEARLY:
                 self._chosen = best
-                return best, *_same_as(best, boxes)
+                return best, *same_as(best, boxes)
         return ()
 
     def _undecided(self, fused: Fused, t_ns: int) -> bool:
         """Whether the answer has been without support for longer than one picture that went wrong."""
         return fused.state != "tracking" and t_ns - self._supported_ns >= _UNDECIDED_S * 1e9
-
-    def _learn_background(self, grey: np.ndarray, box: Box) -> None:
-        for candidate in self._appearance.search(grey, (box[2], box[3]), (1.0,), 4):
-            if jaccard(candidate.box, box) < _APART:
-                self._appearance.learn_background(upright_patch(grey, candidate.box))
-
-
-def _doubted(
-    similar: Mapping[str, float], boxes: Mapping[str, Box], fused: Fused | None, there: float, foreseen: Box | None
-) -> frozenset[str]:
-    """Trackers whose box looks less like the target than one elsewhere does, or like nothing known.
-
-    Of boxes at one place the witness cannot judge: what turns away, and grows, looks most like the past in the box that
-    does not grow with it.
-
-    Args:
-        similar: likeness of each tracker's box.
-        boxes: the same trackers' boxes, px.
-        fused: the last answer; None without one, or where there is one tracker alone anyway.
-        there: least likeness of one that is alone, and is where the answer was.
-        foreseen: where the target's motion over ground leads one to expect it: who is found there, however changed, is
-            no more doubted than several would be.
-    """
-    best = max(similar.values(), default=0.0)
-    least = _UNLIKE
-    if len(boxes) == 1 and fused is not None:
-        (box,) = boxes.values()
-        if foreseen is None or not as_foreseen(box, foreseen):
-            least = there if jaccard(box, _box_of(fused)) > _SAME else max(there, _ALONE_UNLIKE)
-    unlike = {n for n, s in similar.items() if s < least or (s < _DOUBTFUL and s < best - _CLEARLY)}
-    return frozenset(name for name in unlike if not set(_same_as(name, boxes)) - unlike)
-
-
-def _found_alone(similar: Mapping[str, float], boxes: Mapping[str, Box], fused: Fused | None) -> tuple[str, ...]:
-    """The one tracker that sees the target, where that is elsewhere than the last answer and surely the target."""
-    if len(boxes) != 1 or fused is None:
-        return ()
-    (name,) = boxes
-    elsewhere = jaccard(boxes[name], _box_of(fused)) < _SAME
-    return (name,) if elsewhere and similar[name] >= _SURELY else ()
 
 
 def _box_of(fused: Fused) -> Box:
@@ -307,10 +219,3 @@ def agreed(fused: Fused) -> bool:
     """Whether two trackers or more speak for the fused answer."""
     agreeing = [j.reliability for j in fused.sources.values() if j.reliability > _RELIABLE]
     return len(agreeing) >= 2 and sum(agreeing) >= _AGREED
-
-
-def _same_as(name: str, boxes: Mapping[str, Box]) -> list[str]:
-    """The other trackers whose box overlaps that of this one by half; none where it has no box."""
-    if name not in boxes:
-        return []
-    return [n for n, box in boxes.items() if n != name and jaccard(box, boxes[name]) > _SAME]
