@@ -17,9 +17,10 @@ from benchmarks.follow_score import Score, box_of
 from benchmarks.follow_solids import bin_, pillar
 from common.geometry.rotation import quat_from_euler
 from common.tracking.base import Box, Tracker
-from onboard.follow.unicycle import UnicycleConfig, UnicycleLaw
-from onboard.fusion.depth import DepthConfig, DepthFusion
-from onboard.fusion.motion import MotionFilter
+from onboard.follow.robot import RobotFollower
+from onboard.follow.unicycle import UnicycleConfig
+from onboard.fusion.depth import DepthConfig
+from onboard.fusion.tracker import HabDfTracker
 
 RATE_HZ = 30.0
 _SIZE_PX, _FIELD_RAD = (320, 240), math.radians(60.0)
@@ -27,7 +28,11 @@ _EYE_M, _START_M = 0.35, 0.8
 _RANGE_M, _FADE_M = 1.0, 0.06
 _PATCH = 14
 _WHEELS_S = 0.25
-_FASTEST_M_S = 0.42
+_SLIP, _SLIP_M_S, _SLIP_RAD_S = 0.03, 0.01, 0.02
+"""Standard deviations of what the wheels tell: a share that stays, and noise, m/s and rad/s."""
+_CRUISE_M_S, _DASH_M_S, _DASH_S = (0.32, 0.42), 0.9, 1.8
+_LIGHTER = (0.6, 1.25)
+_LIGHT_EVERY_M = (4.0, 12.0)
 
 
 class Course:
@@ -44,34 +49,37 @@ class Course:
         self.solid = bin_(rng)
         self._trash = pillar(rng, 0.5, 1.0)
         dt = 1.0 / RATE_HZ
-        place, course, facing, speed = np.array([_START_M, 0.0]), 0.0, 0.0, 0.0
-        cruise, until_m, bend, dash_s = 0.3, 1.0, 0.0, 0.0
-        places, facings, travelled, t = [], [], 0.0, 0.0
+        place, course, speed = np.array([_START_M, 0.0]), 0.0, 0.0
+        cruise, until_m, bend, left_rad, dash_s = 0.3, 1.0, 0.0, 0.0, 0.0
+        places, courses, ways, travelled = [], [], [], 0.0
         while travelled < length_m:
             places.append(place.copy())
-            facings.append(facing)
+            courses.append(course)
+            ways.append(travelled)
             if travelled >= until_m:
                 until_m = travelled + rng.uniform(1.5, 4.0)
-                bend = float(rng.uniform(-0.35, 0.35)) if rng.random() < 0.6 else float(rng.choice((-0.9, 0.9)))
-                cruise = rng.uniform(0.22, 0.34)
-                dash_s = 1.6 if rng.random() < 0.4 else 0.0  # runs ahead, beyond the sensor's range
+                corner = rng.random() < 0.4  # round which it goes as a robot does that it stands on; else a gentle bend
+                bend = float(rng.choice((-0.9, 0.9)) if corner else rng.uniform(-0.35, 0.35))
+                left_rad = float(rng.uniform(0.7, 1.6) if corner else rng.uniform(0.2, 1.0))
+                cruise = rng.uniform(*_CRUISE_M_S)
+                dash_s = _DASH_S if rng.random() < 0.4 else 0.0  # runs ahead, beyond the sensor's range
             dash_s -= dt
-            wanted = _FASTEST_M_S + 0.25 if dash_s > 0.0 else cruise
+            wanted = _DASH_M_S if dash_s > 0.0 else cruise
             speed += float(np.clip(wanted - speed, -0.6 * dt, 0.6 * dt))
-            course += bend * dt
-            facing += 0.25 * bend * dt
+            left_rad -= abs(bend) * dt
+            course += bend * dt if left_rad > 0.0 else 0.0
             place = place + speed * dt * np.array([math.cos(course), math.sin(course)])
             travelled += speed * dt
-            t += dt
-        self.places, self.facings = np.array(places), np.array(facings)
+        self.places, self.courses = np.array(places), np.array(courses)
         self.frames = len(places)
+        self._gains = _light(rng, np.array(ways))
         count = max(1, int(length_m / 20.0))
         begin = rng.uniform(0.25, 0.75, count) + np.arange(count)
         self._hidden_from = (begin / count * self.frames).astype(int)
 
     def things(self, index: int, eye: np.ndarray) -> tuple[Thing, list[Thing]]:
         """The bin, and the trash bin that is pushed between at times, seen from a place (3,)."""
-        target = Thing(self.solid, np.array([*self.places[index], 0.0]), math.pi + float(self.facings[index]))
+        target = Thing(self.solid, np.array([*self.places[index], 0.0]), math.pi + float(self.courses[index]))
         others = []
         for first in self._hidden_from:
             share = (index - first) / (2.2 * RATE_HZ)
@@ -81,6 +89,20 @@ class Course:
                 between = eye * np.array([1.0, 1.0, 0.0]) + 0.6 * towards
                 others.append(Thing(self._trash, between + across * 0.9 * (2 * share - 1)))
         return target, others
+
+    def light(self, index: int, turn_rad_s: float) -> Light:
+        """Of a frame, with the camera's turn rate, rad/s."""
+        gain = float(self._gains[index])
+        return Light((gain, gain, gain), turn_rad_s)
+
+
+def _light(rng: np.random.Generator, way_m: np.ndarray) -> np.ndarray:
+    """Gain of the light at each place of a way (n,), m: lamps, windows and dark corners (figure 3.5)."""
+    at, gain = [0.0, 2.0], [1.0, 1.0]
+    while at[-1] < way_m[-1]:
+        at.append(at[-1] + float(rng.uniform(*_LIGHT_EVERY_M)))
+        gain.append(float(rng.uniform(*_LIGHTER)))
+    return np.interp(way_m, at, gain)
 
 
 def depth_patch(rng: np.random.Generator, lens: Lens, box: Box, things: list[tuple[Thing, Shown]]) -> np.ndarray:
@@ -126,52 +148,40 @@ def follow(course: Course, tracker: Tracker, seed: int) -> Driven:
     rng = np.random.default_rng((seed, 80))
     eye = camera(*_SIZE_PX, _FIELD_RAD, RATE_HZ)
     score = Score(eye, RATE_HZ)
-    law = UnicycleLaw(UnicycleConfig(), _START_M, _FIELD_RAD / 2)
-    depth = DepthFusion(DepthConfig(), (float(eye.width), float(eye.height)))
-    bearings: MotionFilter | None = None
+    robot = RobotFollower(UnicycleConfig(), DepthConfig(), eye)
     place, yaw, speed, turn = np.zeros(2), 0.0, 0.0, 0.0
     asked, dt, travelled = (0.0, 0.0), 1.0 / RATE_HZ, 0.0
-    errors, estimates, seen_ns = [], [], 0
+    errors, estimates = [], []
     share = -math.expm1(-dt / _WHEELS_S)
+    slip, slips = 1.0 + _SLIP * rng.standard_normal(2), np.array([_SLIP_M_S, _SLIP_RAD_S])
     for index in range(course.frames):
         t_ns = round(index * 1e9 / RATE_HZ)
         lens = Lens(eye, np.array([*place, -_EYE_M]), quat_from_euler(0.0, 0.0, yaw))
         target, others = course.things(index, lens.ned_p_m)
-        frame = course.hall.picture(lens, [target, *others], Light(turn_rad_s=turn))
+        frame = course.hall.picture(lens, [target, *others], course.light(index, turn))
         truth = lens.show(target)
+        told = np.array([speed, turn]) * slip + slips * rng.standard_normal(2)
+        robot.roll(t_ns, *told.tolist())
         if index == 0 and truth is not None:
             tracker.init(frame, truth.box, 0.0, t_ns)
             box: Box | None = truth.box
         else:
+            if isinstance(tracker, HabDfTracker):
+                tracker.foresee(robot.expected())
             box = box_of(tracker.update(frame, t_ns))
-        wanted = (0.0, 0.0)
+        patch = None
         if box is not None:
-            seen_ns = t_ns
             shown = [(t, s) for t in (target, *others) if (s := lens.show(t)) is not None]
             patch = depth_patch(rng, lens, box, shown)
-            estimate = depth.update(t_ns, (box[0] + box[2] / 2, box[1] + box[3] / 2), (box[2], box[3]), patch)
-            bearing = np.array([math.atan((box[0] + box[2] / 2 - eye.cx_px) / eye.fx_px)])
-            if bearings is None:
-                bearings = MotionFilter(bearing, t_ns, np.array([0.01]), np.array([0.5]))
-            else:
-                bearings.predict(t_ns, np.array([4.0]))
-                bearings.update(bearing, np.array([1e-4]))
-            if estimate is not None:
-                z = float(estimate.position[2])
-                drive = law.step(
-                    float(bearings.value[0]), float(bearings.rate[0]), z, -float(estimate.rate[2]), (speed, turn)
-                )
-                wanted = (drive.speed_m_s, drive.turn_rad_s)
-                if truth is not None:
-                    estimates.append(abs(z - truth.depth_m))
-        elif t_ns - seen_ns < 1.0e9:
-            wanted = (asked[0] * 0.9, asked[1] * 0.9)  # rolls out
+        drive = robot.step(box, patch)
+        if box is not None and truth is not None:
+            estimates.append(abs(robot.distance_m - truth.depth_m))
         speed += share * (asked[0] - speed)
         turn += share * (asked[1] - turn)
         yaw += turn * dt
         place = place + speed * dt * np.array([math.cos(yaw), math.sin(yaw)])
         travelled += abs(speed) * dt
-        asked = wanted
+        asked = drive.speed_m_s, drive.turn_rad_s
         errors.append(float(np.linalg.norm(target.ned_p_m[:2] - place)) - _START_M)
         score.note(None if truth is None else truth.box, hidden_share(lens, target, others), box)
         if score.lost:

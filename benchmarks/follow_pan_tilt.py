@@ -20,6 +20,12 @@ TARGETS = ("face", "bin")
 _SIZE_PX, _FIELD_RAD = (320, 240), math.radians(60.0)
 _PLACE = np.array([0.0, 0.0, -1.2])
 _SERVO_S = 0.06
+_CALM_S = 3.0
+"""How long it takes at the start until the target moves and turns as much as it does later."""
+_TURN, _TURN_S = {"face": 1.1, "bin": 1.4}, {"face": (9.0, 3.0), "bin": (14.0, 7.0)}
+"""How far each turns to either side, rad, and its slowest and fastest period, s: a head, and a bin that is turned."""
+_NEAR_M, _FAR_M = {"face": (0.8, 1.0), "bin": (0.8, 1.0)}, {"face": (1.9, 2.5), "bin": (1.0, 1.5)}
+"""Distance at the start and the end, m: the thesis's bin kept almost the same."""
 
 
 @dataclass(frozen=True)
@@ -40,8 +46,9 @@ class Swing:
         return cls(size * rng.uniform(0.2, 0.6, 3), rate, rng.uniform(-math.pi, math.pi, 3))
 
     def at(self, t_s: float) -> float:
-        """Its value at a time, against its value at 0."""
-        wave = np.sin(self.rate * t_s + self.phase) - np.sin(self.phase)
+        """Its value at a time, against its value at 0, from which it sets out slowly."""
+        gone_s = t_s - _CALM_S * -math.expm1(-t_s / _CALM_S)
+        wave = np.sin(self.rate * gone_s + self.phase) - np.sin(self.phase)
         return float(self.amplitude @ wave)
 
 
@@ -61,8 +68,8 @@ class Course:
         self._solid: Solid = head(rng) if kind == "face" else bin_(rng)
         self._passer = pillar(rng, 0.16, 1.4)
         self._aside, self._height = Swing.draw(rng, 0.9, 12.0, 5.0), Swing.draw(rng, 0.16, 6.0, 2.0)
-        self._turn = Swing.draw(rng, 1.1 if kind == "face" else 2.6, 9.0, 3.0)
-        self._near, self._far = float(rng.uniform(0.8, 1.0)), float(rng.uniform(1.9, 2.5))
+        self._turn = Swing.draw(rng, _TURN[kind], *_TURN_S[kind])
+        self._near, self._far = float(rng.uniform(*_NEAR_M[kind])), float(rng.uniform(*_FAR_M[kind]))
         self._passes = np.sort(rng.uniform(3.0, max(4.0, frames / RATE_HZ - 2.0), max(1, int(frames / RATE_HZ / 7))))
 
     def things(self, index: int) -> tuple[Thing, list[Thing]]:

@@ -16,7 +16,7 @@ import numpy as np
 from common.tracking.base import Box
 from common.tracking.box_tracker import BoxTracker, Step
 from common.tracking.cmt_config import CmtConfig
-from common.tracking.cmt_consensus import largest_cluster, rotated, similarity_of
+from common.tracking.cmt_consensus import largest_cluster, rotated, similarity_of, squared_distances
 from common.tracking.cmt_keypoints import Keypoints, View, differing, unique_matches
 from common.tracking.flow import follow_points
 
@@ -174,8 +174,7 @@ class CmtTracker(BoxTracker):
         config = self._config
         rows, columns = unique_matches(own, config.match_distance)
         # Of the same corner the model may have learned several looks: they are no rivals of each other.
-        offsets = self._model[columns][:, None] - self._model[None]
-        elsewhere = (offsets * offsets).sum(axis=2) > (config.cluster * self._side) ** 2
+        elsewhere = squared_distances(self._model[columns], self._model) > (config.cluster * self._side) ** 2
         second = np.where(elsewhere, own[rows], np.float32(1.0)).min(axis=1)
         if len(self._background) and len(rows):
             second = np.minimum(second, differing(descriptors[rows], self._background).min(axis=1))
@@ -214,8 +213,7 @@ class CmtTracker(BoxTracker):
     def _near(self, places: np.ndarray, numbers: np.ndarray, reach: float) -> np.ndarray:
         """Which places (n, 2) are where the model's keypoints of these numbers (m,) should be, (n, m) bool."""
         expected = self._center + rotated(self._model[numbers], self._scale, self._angle)
-        offsets = places[:, None] - expected[None]
-        return (offsets * offsets).sum(axis=2) <= reach * reach
+        return squared_distances(places, expected) <= reach * reach
 
     def _renew(self, places: np.ndarray, descriptors: np.ndarray, own: np.ndarray, reach: float) -> None:
         """Learn keypoints within the target that are like none of the model there; the first ones are kept for ever."""

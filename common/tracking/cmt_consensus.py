@@ -39,12 +39,17 @@ def rotated(points: np.ndarray, scale: float, angle_rad: float) -> np.ndarray:
     return points @ np.array([[cosine, sine], [-sine, cosine]])
 
 
+def squared_distances(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Of points (n, 2) from others (m, 2), (n, m)."""
+    across, down = (one[:, None, axis] - other[None, :, axis] for axis in (0, 1))
+    return across * across + down * down
+
+
 def largest_cluster(votes: np.ndarray, reach: float) -> np.ndarray:
     """Which votes (n, 2) belong to the largest group under single linkage at a distance, (n,) bool."""
     if not len(votes):
         return np.zeros(0, bool)
-    offsets = votes[:, None] - votes[None]
-    near = (offsets * offsets).sum(axis=2) <= reach * reach
+    near = squared_distances(votes, votes) <= reach * reach
     labels = np.arange(len(votes))
     while True:
         lower = np.where(near, labels[None], len(votes)).min(axis=1)

@@ -90,7 +90,10 @@ def _even(picture: np.ndarray) -> np.ndarray:
 
 def differing(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Share (n, m) of the bits in which descriptors (n, 4) differ from others (m, 4), both uint64, 0 to 1."""
-    return np.bitwise_count(one[:, None] ^ other[None]).sum(axis=2, dtype=np.uint16) / np.float32(BITS)
+    count = np.zeros((len(one), len(other)), np.uint16)
+    for word in range(one.shape[1]):  # sums along so short an axis are slow
+        count += np.bitwise_count(one[:, None, word] ^ other[None, :, word])
+    return count / np.float32(BITS)
 
 
 def unique_matches(distances: np.ndarray, limit: float) -> tuple[np.ndarray, np.ndarray]:

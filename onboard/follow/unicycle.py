@@ -37,7 +37,9 @@ class UnicycleConfig(Section, frozen=True, kw_only=True):
     turn_rate_rad_s: Positive = 2.0
     """Fastest turn, rad/s."""
     still: NonNegative = 0.01
-    """With both errors below this nothing is asked."""
+    """With both errors below this neither is acted on."""
+    coast_s: NonNegative = 1.5
+    """For how long an unseen target is driven after on its last velocity over ground, s."""
 
 
 @dataclass(frozen=True)
@@ -49,11 +51,14 @@ class Drive:
     turn_rad_s: float
     """Clockwise seen from above, rad/s."""
     axis: Axis | None
-    """Which controller acts; None: neither."""
+    """Which controller acts; None: neither, and the target's own motion is all that is followed."""
 
 
 class UnicycleLaw:
     """The rule of 3.5: the larger normalised error is acted on.
+
+    The other axis goes on as the target itself moves. With the thesis's standstill there, a robot that has to turn
+    again and again drives half of the time only: 0.3 m behind a bin at 0.37 m/s, instead of 0.05 m, by true boxes.
 
     Args:
         config: parameters.
@@ -91,7 +96,7 @@ class UnicycleLaw:
             distance_m: to the target, m.
             closing_m_s: how fast that shrinks, m/s.
             own: the robot's own speed, m/s, and turn, rad/s, by its wheels: with them the target's own motion is fed
-                forward, which the thesis's controllers lack.
+                forward on both axes, which the thesis's controllers lack.
 
         Raises:
             ValueError: an input that is not finite.
@@ -103,13 +108,16 @@ class UnicycleLaw:
         aside = math.tan(min(max(bearing_rad, -1.5), 1.5)) / self._edge * 0.5 / config.column_range
         away = (distance_m - self._distance_m) / config.distance_range_m
         self.axis = self._chosen(min(abs(aside), 1.0), min(abs(away), 1.0))
+        turn, speed = own[1] + bearing_rate_rad_s, own[0] - closing_m_s  # the target's own
         if self.axis == "turn":
-            rate = self._turn.rate(bearing_rad, bearing_rate_rad_s, own[1] + bearing_rate_rad_s)
-            return Drive(0.0, min(max(rate, -config.turn_rate_rad_s), config.turn_rate_rad_s), "turn")
-        if self.axis == "drive":
-            speed = self._drive.rate(distance_m - self._distance_m, -closing_m_s, own[0] - closing_m_s)
-            return Drive(min(max(speed, -config.speed_m_s), config.speed_m_s), 0.0, "drive")
-        return Drive(0.0, 0.0, None)
+            turn = self._turn.rate(bearing_rad, bearing_rate_rad_s, turn)
+        elif self.axis == "drive":
+            speed = self._drive.rate(distance_m - self._distance_m, -closing_m_s, speed)
+        return Drive(
+            min(max(speed, -config.speed_m_s), config.speed_m_s),
+            min(max(turn, -config.turn_rate_rad_s), config.turn_rate_rad_s),
+            self.axis,
+        )
 
     def _chosen(self, aside: float, away: float) -> Axis | None:
         if max(aside, away) < self._config.still:

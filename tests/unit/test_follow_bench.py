@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks import follow_course
+from benchmarks import follow_course, follow_pan_tilt
 from benchmarks.base import Settings
 from benchmarks.follow import run
 from benchmarks.follow_ground import Course, depth_patch
@@ -65,6 +65,21 @@ def test_the_course_of_the_ground_robot_is_as_long_as_told() -> None:
     steps = np.linalg.norm(np.diff(course.places, axis=0), axis=1)
     assert steps.sum() == pytest.approx(12.0, abs=0.1)
     assert len(course._hidden_from) >= 1, "a full occlusion at least"
+    assert course.courses[0] == 0.0 and np.ptp(course.courses[:90]) == 0.0, "it begins straight on"
+    assert np.ptp(course.courses) > 0.5 and np.abs(np.diff(course.courses)).max() <= 0.9 / 30 + 1e-9
+    assert {course.light(0, 0.0).gain, course.light(course.frames - 1, 0.0).gain} != {(1.0, 1.0, 1.0)}
+
+
+@pytest.mark.parametrize("kind", follow_pan_tilt.TARGETS)
+def test_what_the_head_looks_at_begins_calmly(kind: str) -> None:
+    course = follow_pan_tilt.Course(kind, 4, 900)
+    things = [course.things(index)[0] for index in range(900)]
+    headings = np.unwrap([thing.heading_rad for thing in things])
+    assert np.abs(headings[:30] - headings[0]).max() < 0.35 < np.ptp(headings)
+    moved = np.linalg.norm(np.diff([thing.ned_p_m for thing in things], axis=0), axis=1) * follow_pan_tilt.RATE_HZ
+    assert moved[:15].max() < moved.max()
+    distances = [float(np.hypot(*thing.ned_p_m[:2])) for thing in (things[0], things[-1])]
+    assert distances[1] > distances[0]
 
 
 @pytest.mark.parametrize("seed", [3, 8])

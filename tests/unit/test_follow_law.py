@@ -187,6 +187,8 @@ def test_the_larger_error_is_acted_on() -> None:
     assert law.step(0.0, 0.0, 0.8, 0.0).axis is None
     back = law.step(0.0, 0.0, 0.5, 0.0)
     assert back.speed_m_s < 0.0, "it backs away from a target that comes too near"
+    on = law.step(math.radians(25.0), 0.0, 0.8, 0.0, (0.3, 0.0))
+    assert on.axis == "turn" and on.speed_m_s == 0.3, "the other axis goes on as the target does"
 
 
 def test_a_robot_reaches_distance_and_bearing_by_turns() -> None:

@@ -1,0 +1,141 @@
+"""The ground robot after a target (Echeverri 2016, chapter 3): where it is over ground, and what to ask of the wheels.
+
+The thesis filters the target's place in the picture, which moves with the robot. Here the wheels say how the robot has
+moved: the target keeps its velocity over ground, is driven after while something hides it, and a picture is told where
+to expect it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.geometry.camera import Camera
+from common.tracking.base import Box
+from onboard.follow.unicycle import Drive, UnicycleConfig, UnicycleLaw
+from onboard.fusion.depth import DepthConfig, DepthFusion
+from onboard.fusion.motion import MotionFilter
+
+Array = NDArray[np.float64]
+_PLACE_M, _START_M_S, _DENSITY = 0.02, 0.3, 0.8
+"""Standard deviations of a measured place, m, and of the velocity at the start, m/s, and root of the spectral density
+of the target's acceleration, m/s^1.5: what is pushed or drives over a floor."""
+_NEAREST_M = 0.2
+_SIZE_MEMORY_S = 2.0
+"""Time constant with which what is known of the target's size follows the box, s."""
+_STANDS = Drive(0.0, 0.0, None)
+
+
+class RobotFollower:
+    """Drives after one target, at the distance that is measured first (3.5).
+
+    Args:
+        config: poles, limits and times.
+        depth: of the distance.
+        camera: calibration of the pictures that the boxes are of; it looks level, along the way of the robot.
+    """
+
+    def __init__(self, config: UnicycleConfig, depth: DepthConfig, camera: Camera):
+        self._config, self._camera = config, camera
+        self._depth = DepthFusion(depth, (float(camera.width), float(camera.height)))
+        self._law: UnicycleLaw | None = None
+        self._target: MotionFilter | None = None
+        self._place, self._yaw_rad = np.zeros(2), 0.0
+        self._own, self._rolled_ns = (0.0, 0.0), 0
+        self._form = np.zeros(3)
+        """Width, height and how far below the camera its middle is, m."""
+        self._seen_ns = 0
+
+    @property
+    def distance_m(self) -> float:
+        """Along the optical axis to where the target is by now, m; NaN before it was measured."""
+        return math.nan if self._target is None else float(self._ahead(self._rolled_ns)[0])
+
+    def roll(self, t_ns: int, speed_m_s: float, turn_rad_s: float) -> None:
+        """Take in what the wheels have done until a time, ns: forward, m/s, and clockwise, rad/s.
+
+        Raises:
+            ValueError: a speed that is not finite, or a time that goes back.
+        """
+        if not (math.isfinite(speed_m_s) and math.isfinite(turn_rad_s) and t_ns >= self._rolled_ns):
+            raise ValueError(
+                f"robot: got wheels at {speed_m_s} m/s, {turn_rad_s} rad/s at {t_ns} ns, expected finite, and not "
+                f"before {self._rolled_ns} ns"
+            )
+        dt_s = (t_ns - self._rolled_ns) * 1e-9
+        course = self._yaw_rad + turn_rad_s * dt_s / 2
+        self._place = self._place + speed_m_s * dt_s * np.array([math.cos(course), math.sin(course)])
+        self._yaw_rad += turn_rad_s * dt_s
+        self._own, self._rolled_ns = (speed_m_s, turn_rad_s), t_ns
+
+    def expected(self) -> Box | None:
+        """Where the picture of the time of the last `roll` should show the target, px; None once away for too long."""
+        if self._target is None or self._away_s > self._config.coast_s:
+            return None
+        ahead, aside = self._ahead(self._rolled_ns)
+        if ahead < _NEAREST_M:
+            return None
+        camera, (width, height, down) = self._camera, self._form
+        u, v = camera.cx_px + camera.fx_px * aside / ahead, camera.cy_px + camera.fy_px * down / ahead
+        width, height = camera.fx_px * width / ahead, camera.fy_px * height / ahead
+        return float(u - width / 2), float(v - height / 2), float(width), float(height)
+
+    def step(self, box: Box | None, depth_m: Array | None) -> Drive:
+        """What to ask of the wheels for the picture of the time of the last `roll`.
+
+        Args:
+            box: x, y, width, height of the target in it, px; None while it is not seen.
+            depth_m: depth inside the box, (h, w), m, 0 for none; None without a depth picture.
+        """
+        t_ns = self._rolled_ns
+        if box is not None:
+            self._look(box, depth_m)
+        if self._target is None or self._law is None or self._away_s > self._config.coast_s:
+            return _STANDS
+        self._target.predict(t_ns, np.full(2, _DENSITY**2))
+        (ahead, aside), (speed, turn) = self._ahead(t_ns), self._own
+        closing, across = self._turned(-self._target.rate) + np.array([speed, 0.0])
+        away_m = math.hypot(ahead, aside)
+        # Rates of bearing and distance from the velocity of the target in the robot's frame, (-closing, -across).
+        rate_rad_s = (aside * closing - ahead * across) / away_m**2 - turn
+        closing_m_s = (ahead * closing + aside * across) / away_m
+        return self._law.step(math.atan2(aside, ahead), rate_rad_s, away_m, closing_m_s, self._own)
+
+    @property
+    def _away_s(self) -> float:
+        return (self._rolled_ns - self._seen_ns) * 1e-9
+
+    def _turned(self, vector: Array) -> Array:
+        """A vector (2,) over ground as ahead of and to the right of the robot, (2,)."""
+        c, s = math.cos(self._yaw_rad), math.sin(self._yaw_rad)
+        return np.array([c * vector[0] + s * vector[1], c * vector[1] - s * vector[0]])
+
+    def _ahead(self, t_ns: int) -> Array:
+        """How far the target is ahead and to the right, (2,), m."""
+        if self._target is None:
+            raise ValueError("robot: no target yet")
+        return self._turned(self._target.value_at(t_ns) - self._place)
+
+    def _look(self, box: Box, depth_m: Array | None) -> None:
+        camera, t_ns = self._camera, self._rolled_ns
+        centre = (box[0] + box[2] / 2, box[1] + box[3] / 2)
+        estimate = self._depth.update(t_ns, centre, (box[2], box[3]), depth_m)
+        if estimate is None:
+            return
+        ahead = float(estimate.position[2])
+        right, down = (centre[0] - camera.cx_px) / camera.fx_px, (centre[1] - camera.cy_px) / camera.fy_px
+        c, s = math.cos(self._yaw_rad), math.sin(self._yaw_rad)
+        found = self._place + ahead * np.array([c - s * right, s + c * right])
+        form = ahead * np.array([box[2] / camera.fx_px, box[3] / camera.fy_px, down])
+        if self._target is None:
+            self._target = MotionFilter(found, t_ns, np.full(2, _PLACE_M), np.full(2, _START_M_S))
+            half_rad = math.atan(camera.width / 2 / camera.fx_px)
+            self._law = UnicycleLaw(self._config, ahead * math.hypot(1.0, right), half_rad)
+            self._form = form
+        else:
+            self._target.predict(t_ns, np.full(2, _DENSITY**2))
+            self._target.update(found, np.full(2, _PLACE_M**2))
+            self._form = self._form - math.expm1(-self._away_s / _SIZE_MEMORY_S) * (form - self._form)
+        self._seen_ns = t_ns

@@ -1,0 +1,88 @@
+"""The ground robot's follower: a place over ground, what it expects of the next picture, and what it does unseen."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from benchmarks.follow_scene import camera
+from common.tracking.base import Box
+from onboard.follow.robot import RobotFollower
+from onboard.follow.unicycle import UnicycleConfig
+from onboard.fusion.depth import DepthConfig
+
+EYE = camera(320, 240, math.radians(60.0))
+STEP_NS = 33_333_333
+STEP_S = STEP_NS * 1e-9
+CONFIG = UnicycleConfig()
+SIZE_M, BELOW_M = np.array([0.25, 0.35]), 0.2
+
+
+class World:
+    """A robot with a lag in its wheels, and a target that keeps its velocity."""
+
+    def __init__(self, velocity: tuple[float, float]):
+        self.follower = RobotFollower(CONFIG, DepthConfig(), EYE)
+        self.place, self.yaw, self.own = np.zeros(2), 0.0, np.zeros(2)
+        self.target, self.velocity = np.array([0.8, 0.0]), np.array(velocity)
+        self.t_ns = 0
+
+    def ahead(self) -> np.ndarray:
+        """Of the target from the robot, ahead and to the right, (2,), m."""
+        x, y = self.target - self.place
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        return np.array([c * x + s * y, c * y - s * x])
+
+    def box(self) -> Box:
+        """Where the picture shows the target, px."""
+        ahead, aside = self.ahead()
+        width, height = EYE.fx_px * SIZE_M / ahead
+        u, v = EYE.cx_px + EYE.fx_px * aside / ahead, EYE.cy_px + EYE.fy_px * BELOW_M / ahead
+        return u - width / 2, v - height / 2, width, height
+
+    def step(self, seen: bool) -> Box | None:
+        """One picture; returns what was expected of it."""
+        self.follower.roll(self.t_ns, *self.own.tolist())
+        expected = self.follower.expected()
+        depth_m = np.full((4, 4), self.ahead()[0] if self.ahead()[0] < 1.0 else 0.0)
+        asked = self.follower.step(self.box() if seen else None, depth_m if seen else None)
+        self.own += (np.array([asked.speed_m_s, asked.turn_rad_s]) - self.own) * STEP_S / CONFIG.lag_s
+        self.yaw += self.own[1] * STEP_S
+        self.place = self.place + self.own[0] * STEP_S * np.array([math.cos(self.yaw), math.sin(self.yaw)])
+        self.target = self.target + self.velocity * STEP_S
+        self.t_ns += STEP_NS
+        return expected
+
+
+def test_a_target_that_drives_on_is_expected_where_it_is_and_followed_while_it_is_hidden() -> None:
+    world = World((0.3, 0.12))
+    assert world.step(True) is None, "nothing is known before the first picture"
+    for _ in range(150):
+        world.step(True)
+    true = world.box()
+    assert world.step(True) == pytest.approx(true, abs=2.0)
+    assert np.hypot(*world.ahead()) == pytest.approx(0.8, abs=0.05)
+    for _ in range(30):
+        true = world.box()
+        expected = world.step(False)
+        assert expected == pytest.approx(true, abs=8.0)
+    assert np.hypot(*world.ahead()) == pytest.approx(0.8, abs=0.1), "a second behind something changes little"
+    assert world.follower.distance_m == pytest.approx(world.ahead()[0], abs=0.1)
+    for _ in range(60):
+        expected = world.step(False)
+    assert expected is None and np.abs(world.own).max() < 0.05, "who stays away is not driven after"
+
+
+def test_nothing_is_asked_without_a_distance_and_bad_wheels_are_refused() -> None:
+    follower = RobotFollower(CONFIG, DepthConfig(), EYE)
+    follower.roll(0, 0.0, 0.0)
+    drive = follower.step((100.0, 100.0, 50.0, 60.0), None)
+    assert drive.axis is None and drive.speed_m_s == drive.turn_rad_s == 0.0
+    assert math.isnan(follower.distance_m) and follower.expected() is None
+    with pytest.raises(ValueError, match="expected finite"):
+        follower.roll(10, math.nan, 0.0)
+    follower.roll(10, 0.1, 0.0)
+    with pytest.raises(ValueError, match="not before 10 ns"):
+        follower.roll(5, 0.1, 0.0)
