@@ -13,7 +13,9 @@ from benchmarks.follow_score import Score, box_of
 from benchmarks.follow_solids import Solid, bin_, head, pillar
 from common.geometry.rotation import quat_from_euler
 from common.tracking.base import Box, Tracker
-from onboard.follow.pan_tilt import PanTiltConfig, PanTiltLaw
+from onboard.follow.head import HeadFollower
+from onboard.follow.pan_tilt import PanTiltConfig
+from onboard.fusion.tracker import HabDfTracker
 
 RATE_HZ = 30.0
 TARGETS = ("face", "bin")
@@ -70,7 +72,9 @@ class Course:
         self._aside, self._height = Swing.draw(rng, 0.9, 12.0, 5.0), Swing.draw(rng, 0.16, 6.0, 2.0)
         self._turn = Swing.draw(rng, _TURN[kind], *_TURN_S[kind])
         self._near, self._far = float(rng.uniform(*_NEAR_M[kind])), float(rng.uniform(*_FAR_M[kind]))
-        self._passes = np.sort(rng.uniform(3.0, max(4.0, frames / RATE_HZ - 2.0), max(1, int(frames / RATE_HZ / 7))))
+        count, whole_s = max(1, int(frames / RATE_HZ / 7)), frames / RATE_HZ - 2.0 - _CALM_S
+        # Each has a stretch of its own, and comes in its middle half: no two at once.
+        self._passes = _CALM_S + whole_s * (np.arange(count) + rng.uniform(0.25, 0.75, count)) / count
 
     def things(self, index: int) -> tuple[Thing, list[Thing]]:
         """The target, and what passes before it."""
@@ -98,7 +102,7 @@ def follow(course: Course, tracker: Tracker) -> Score:
     """Keep the target in the middle until it is lost, or to the end; a command reaches the servos a picture later."""
     cv2.setNumThreads(1)
     eye = camera(*_SIZE_PX, _FIELD_RAD, RATE_HZ)
-    score, law = Score(eye, RATE_HZ), PanTiltLaw(PanTiltConfig())
+    score, head = Score(eye, RATE_HZ), HeadFollower(PanTiltConfig(), eye)
     pan = tilt = 0.0
     commanded = (0.0, 0.0)
     keep = math.exp(-1.0 / RATE_HZ / _SERVO_S)
@@ -109,16 +113,15 @@ def follow(course: Course, tracker: Tracker) -> Score:
         target, others = course.things(index)
         frame = course.hall.picture(lens, [target, *others], Light(turn_rad_s=turned))
         truth = lens.show(target)
+        head.turned(t_ns, pan, tilt)
         if index == 0 and truth is not None:
             tracker.init(frame, truth.box, 0.0, t_ns)
             box: Box | None = truth.box
         else:
+            if isinstance(tracker, HabDfTracker):
+                tracker.foresee(head.expected())
             box = box_of(tracker.update(frame, t_ns))
-        asked = commanded
-        if box is not None:
-            right = math.atan((box[0] + box[2] / 2 - eye.cx_px) / eye.fx_px)
-            up = -math.atan((box[1] + box[3] / 2 - eye.cy_px) / eye.fy_px)
-            asked = law.step(right, up, 1.0 / RATE_HZ)
+        asked = head.step(box)
         before = pan
         pan, tilt = commanded[0] + keep * (pan - commanded[0]), commanded[1] + keep * (tilt - commanded[1])
         turned, commanded = (pan - before) * RATE_HZ, asked

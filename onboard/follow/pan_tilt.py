@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from common.config import ConfigError, Positive, Section
+from common.config import ConfigError, NonNegative, Positive, Section
 from onboard.follow.gains import PidGains, pid_gains
 
 _LONGEST_STEP_S = 0.2
@@ -34,6 +34,10 @@ class PanTiltConfig(Section, frozen=True, kw_only=True):
     """Furthest tilt up or down, rad."""
     rate_memory_s: Positive = 0.05
     """Time constant of the error's differentiation, s."""
+    coast_s: NonNegative = 1.5
+    """For how long an unseen target is turned after on its last rate, s."""
+    unseen_memory_s: Positive = 0.7
+    """Time constant with which that rate is believed ever less, s."""
 
     def check(self) -> None:
         """Raise ConfigError when a limit is no angle of a head."""
