@@ -15,14 +15,15 @@ from dataclasses import replace
 import numpy as np
 
 from common.tracking.base import Box, Expectation, TrackResult, TrackState, check_box, check_frame, check_picture
+from common.tracking.cloud import Cloud
 from common.tracking.config import ParticleFilterConfig
 from common.tracking.finder import Found, Nearby, search
 from common.tracking.histogram import LAYOUTS, PSI, SCALE, HistogramModel, X, Y, learn_model
 from common.tracking.light import Light
 from common.tracking.lines import OwnLines
 from common.tracking.loss_limit import LossLimit
-from common.tracking.motion import ConstantVelocity, MotionNoise, wrap_angle
-from common.tracking.particles import expected_state, likelihood_weights, systematic_resample
+from common.tracking.motion import wrap_angle
+from common.tracking.particles import expected_state, likelihood_weights
 from common.tracking.turn_sweep import best_turn
 
 _REACH_1_S = 3.0
@@ -65,7 +66,7 @@ class ParticleFilterTracker:
         x, y, width, height = box
         state = np.array([x + width / 2, y + height / 2, wrap_angle(angle_rad), 1.0 / math.sqrt(width * height)])
         self._learn(frame, state, height / width)
-        self._adopt_size(math.sqrt(width * height))
+        self._cloud = Cloud(self._config, self._rng, math.sqrt(width * height))
         self._start(state, frame, t_ns)
         self._result = self._report(state, self._config.start_angle, 0.0)
 
@@ -87,7 +88,7 @@ class ParticleFilterTracker:
         if best is None or best.distance > limit:
             return False
         if first:
-            self._adopt_size(1.0 / float(best.state[SCALE]))
+            self._cloud = Cloud(self._config, self._rng, 1.0 / float(best.state[SCALE]))
         self._start_on(best, frame, t_ns)
         return True
 
@@ -103,9 +104,10 @@ class ParticleFilterTracker:
             return replace(self._result, repeated=True)
         dt_s = 0.0 if self._t_ns is None else (t_ns - self._t_ns) * 1e-9
         self._frame, self._t_ns = frame, t_ns
-        self._evolve(min(dt_s, self._config.longest_step_s))
-        if self._expected is not None and self._unseen_s > 0:
-            self._recentre(self._expected)
+        cloud, expected, seen = self._cloud, self._expected, self._unseen_s == 0
+        cloud.evolve(min(dt_s, self._config.longest_step_s), expected, frame.shape, seen=seen)
+        if expected is not None and not seen:
+            cloud.recentre(expected, frame.shape)
         self._expected = None
         distances = self._distances(self._model)
         smallest = float(distances.min())
@@ -128,17 +130,6 @@ class ParticleFilterTracker:
         """
         self._expected = expectation
 
-    def _recentre(self, expected: Expectation) -> None:
-        """Move the coasting particles, as a cloud, to where the target is expected."""
-        coasting = self._states
-        mean, _ = expected_state(coasting, np.full(len(coasting), 1 / len(coasting)))
-        rows, columns = self._frame.shape[:2]
-        x = min(max(expected.center_px[0], -self._size_px), columns + self._size_px)
-        y = min(max(expected.center_px[1], -self._size_px), rows + self._size_px)
-        coasting[:, : PSI + 1] += np.array([x, y, expected.angle_rad]) - mean[: PSI + 1]
-        # What is left of the rates is how far the target may have changed its own motion: the cloud widens with time.
-        self._rates -= self._rates.mean(axis=0)
-
     def _learn(self, picture: np.ndarray, state: np.ndarray, aspect: float) -> None:
         """Take what the picture shows at a state (4,) as the reference."""
         config = self._config
@@ -147,20 +138,11 @@ class ParticleFilterTracker:
         self._light = Light(config.light_memory_s)
         self._limit = LossLimit(config)
 
-    def _adopt_size(self, size_px: float) -> None:
-        """Take a size (square root of the area) as the target's usual one."""
-        self._size_px = self._usual_size_px = size_px
-        self._unit = np.array([size_px, size_px, 1.0, 1.0 / size_px])  # a relative noise of one, in the state's units
-
     def _start(self, state: np.ndarray, frame: np.ndarray, t_ns: int | None) -> None:
         """Spread the particles around a state (4,), at rest."""
-        config = self._config
-        spread = np.array([config.start_position, config.start_position, config.start_angle, 0.02]) * self._unit
-        self._states = state + self._rng.normal(size=(config.particles, 4)) * spread
-        self._rates = np.zeros_like(self._states)
-        self._motion = self._new_motion(state)
+        self._cloud.start(state)
         if self._model is not None:
-            self._thinning = self._model.kernels.thinning(state, config.kernel_pixels)
+            self._thinning = self._model.kernels.thinning(state, self._config.kernel_pixels)
         self._expected: Expectation | None = None
         self._unseen_s, self._unseen_frames, self._seen_frames = 0.0, 0, 0
         self._frame, self._t_ns = frame, t_ns
@@ -191,7 +173,7 @@ class ParticleFilterTracker:
         others = self._light.jumps(frame)
         relit = bool(turn % 2 and others)
         gain = others[turn // 2 % len(others)] if relit else self._light.gain
-        reach_px = self._usual_size_px * (1.0 + _REACH_1_S * self._unseen_s)
+        reach_px = self._cloud.usual_size_px * (1.0 + _REACH_1_S * self._unseen_s)
         heading_known = float(np.interp(self._unseen_s, _HEADING_KNOWN_S, (1.0, 0.0)))
         nearby = Nearby(expected.center_px, reach_px, expected.angle_rad, heading_known)
         found = self._search(frame, gain, nearby)
@@ -202,88 +184,42 @@ class ParticleFilterTracker:
         """The most likely place in the whole picture; of the usual size, once there is one."""
         if self._model is None:
             raise ValueError("tracker: search before init; show it the target first")
-        size_px = None if self._result is None else self._usual_size_px
+        size_px = None if self._result is None else self._cloud.usual_size_px
         return search(frame, self._model, gain, self._rng, size_px, nearby)
 
     def _distances(self, model: HistogramModel) -> np.ndarray:
         """Distances (N,) under the light in force, or under another that finds the target when that one does not."""
-        distances = model.distances(self._frame, self._states, self._light.gain, self._thinning)
+        distances = model.distances(self._frame, self._cloud.states, self._light.gain, self._thinning)
         if distances.min() <= self._limit.value:
             return distances
         for gain in self._light.jumps(self._frame):
-            other = model.distances(self._frame, self._states, gain, self._thinning)
+            other = model.distances(self._frame, self._cloud.states, gain, self._thinning)
             if other.min() <= self._limit.value:
                 self._light.gain = gain
                 return other
         return distances
 
-    def _new_motion(self, state: np.ndarray) -> ConstantVelocity:
-        config = self._config
-        velocity, walk = config.start_velocity, config.velocity_noise
-        # Estimates of single pictures scatter by about this much on the scenes that the filter was tuned on.
-        measured = np.array([0.05, 0.05, 0.06, 0.05])
-        noise = MotionNoise(
-            start=np.array([velocity, velocity, 0.7, 0.1]) * self._unit,
-            walk=np.array([walk, walk, config.angle_rate_noise, config.scale_rate_noise]) * self._unit,
-            measured=measured * self._unit,
-            memory_s=np.array([np.inf, np.inf, config.angle_rate_memory_s, config.scale_rate_memory_s]),
-        )
-        return ConstantVelocity(state, noise)
-
-    def _evolve(self, dt_s: float) -> None:
-        """Constant velocity and a random walk for every particle; none goes far out of the picture or out of scale."""
-        config, seen = self._config, self._unseen_s == 0
-        self._motion.predict(dt_s)
-        walk = np.array([config.position_noise, config.position_noise, config.angle_noise, config.scale_noise])
-        walk *= self._unit * math.sqrt(dt_s) * (1.0 if seen else config.predicted_noise)
-        self._states = self._states + self._moved(dt_s) + self._rng.normal(size=self._states.shape) * walk
-        self._rates = self._rates * self._motion.kept(dt_s)
-        low, high = 1 / (self._size_px * config.max_scale), config.max_scale / self._size_px
-        self._states[:, SCALE] = self._states[:, SCALE].clip(low, high)
-        rows, columns = self._frame.shape[:2]
-        for axis, end in ((X, columns), (Y, rows)):
-            inside = self._states[:, axis].clip(-self._size_px, end + self._size_px)
-            self._rates[inside != self._states[:, axis], axis] = 0.0
-            self._states[:, axis] = inside
-
-    def _moved(self, dt_s: float) -> np.ndarray:
-        """How far each particle moves in a time: as expected from outside while the target is seen, else at its rate.
-
-        The size follows the expectation in either case.
-        """
-        moved, expected = self._rates * dt_s, self._expected
-        if expected is None:
-            return moved
-        if self._unseen_s == 0:
-            moved[:, :PSI] = expected.moved_px
-            moved[:, PSI] += expected.turned_rad
-        moved[:, SCALE] = self._states[:, SCALE] * (1.0 / expected.grown - 1.0)
-        self._usual_size_px *= expected.grown
-        return moved
-
     def _seen(self, distances: np.ndarray, dt_s: float) -> tuple[np.ndarray, float]:
         """Weigh, estimate, learn motion, limit and light, resample. Returns the mean state and its angle's spread."""
-        config = self._config
-        prior = np.exp(-0.5 * (np.log(self._states[:, SCALE] * self._usual_size_px) / config.size_prior) ** 2)
+        config, cloud = self._config, self._cloud
+        prior = np.exp(-0.5 * (np.log(cloud.states[:, SCALE] * cloud.usual_size_px) / config.size_prior) ** 2)
         weights = likelihood_weights(distances, config.likelihood_lambda) * prior
         weights /= weights.sum()
-        mean, angle_std = expected_state(self._states, weights)
+        mean, angle_std = expected_state(cloud.states, weights)
         smallest = float(distances.min())
         confidence = self._limit.confidence(smallest)
         turn, doubtful = self._turn(mean, confidence)
         if doubtful:
             angle_std = max(angle_std, _DOUBTFUL_RAD)
         mean[PSI] = wrap_angle(mean[PSI] + turn)
-        self._states[:, PSI] += turn
-        self._motion.correct(mean, confidence)
+        cloud.believe(mean, turn, confidence)
         self._unseen_s, self._unseen_frames = 0.0, 0
         self._seen_frames += 1
         self._limit.follow(smallest, dt_s)
         if self._model is not None:
             self._thinning = self._model.kernels.thinning(mean, config.kernel_pixels)
             self._light.follow(self._model, self._frame, mean, self._thinning + 2, dt_s)
-        self._states = self._states[systematic_resample(weights, self._rng.random())]
-        self._rates = np.tile(self._motion.rate, (len(self._states), 1))
+        cloud.resample(weights)
         return mean, angle_std
 
     def _turn(self, mean: np.ndarray, confidence: float) -> tuple[float, bool]:
@@ -306,19 +242,15 @@ class ParticleFilterTracker:
 
     def _unseen(self, dt_s: float) -> tuple[np.ndarray, float]:
         """Critical mode: no weights, no resampling, the motion alone (section II-D). Returns as `_seen`."""
-        config, count = self._config, len(self._states)
         if self._unseen_s == 0:
-            # The cloud lags behind while it is being covered: it goes on from where the motion filter has it.
-            mean, _ = expected_state(self._states, np.full(count, 1 / count))
-            self._states[:, :PSI] += (self._motion.value - mean)[:PSI]
-            spread = config.predicted_rates * self._motion.rate_std
-            self._rates = self._motion.rate + self._rng.normal(size=(count, 4)) * spread
+            self._cloud.coast()
         self._unseen_s += dt_s
         self._unseen_frames += 1
         if self.reinitialisations and self._seen_frames < _PROBATION:
             # It was found, and soon not seen any more: that was hardly the target, so the search goes on at once.
             self._unseen_frames = max(self._unseen_frames, self._config.reinitialise_after)
-        return expected_state(self._states, np.full(count, 1 / count))
+        states = self._cloud.states
+        return expected_state(states, np.full(len(states), 1 / len(states)))
 
     def _report(self, mean: np.ndarray, angle_std_rad: float, smallest: float) -> TrackResult:
         state: TrackState = "tracking"
