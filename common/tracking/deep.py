@@ -15,6 +15,9 @@ from common.tracking.base import Box, TrackResult
 from common.tracking.deep_config import NanoConfig, VitConfig
 from common.tracking.opencv_tracker import OpenCvTracker
 
+_DEVIATIONS = (0.229, 0.224, 0.225)
+"""Of blue, green and red over all pictures, as shares of 255: what OpenCV's default says that a Vit learned with."""
+
 
 class _DeepTracker(OpenCvTracker):
     """One that says how sure it is.
@@ -101,10 +104,22 @@ class VitTracker(_DeepTracker):
         self._parameters = cv2.TrackerVit.Params()
         self._parameters.net = _file("vit.model", config.model)
         self._parameters.tracking_score_threshold = config.threshold
+        self._parameters.stdvalue = _as_divisor(_DEVIATIONS)
         _read("vit.model", self._begin)
 
     def _begin(self) -> cv2.TrackerVit:
         return cv2.TrackerVit.create(self._parameters)
+
+
+def _as_divisor(deviations: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Three numbers of which OpenCV's tracker makes the inverses of these.
+
+    It computes one over a `Scalar`, which OpenCV defines as for quaternions: the conjugate over the squared length.
+    With the deviations themselves, green and red would be given to the network negative, and all at a third.
+    """
+    blue, green, red = (1.0 / deviation for deviation in deviations)
+    length = blue**2 + green**2 + red**2
+    return blue / length, -green / length, -red / length
 
 
 def _file(key: str, name: str) -> str:

@@ -157,3 +157,69 @@ def write_constant_nano(backbone: Path, neckhead: Path, logit: float) -> None:
     graph += b"".join(_constant_head(name, "both", np.array(value), 1) for name, value in values.items())
     outputs = {name: (1, len(value), 16, 16) for name, value in values.items()}
     _write(neckhead, graph, {"input1": (1, 3, 8, 8), "input2": (1, 3, 16, 16)}, outputs)
+
+
+def _conv(source: str, name: str, weights: np.ndarray, bias: np.ndarray | None = None) -> bytes:
+    """A convolution (out, in, k, k) with a stride of one and no border."""
+    inputs = (source, f"{name}_w") if bias is None else (source, f"{name}_w", f"{name}_b")
+    graph = _node("Conv", inputs, name, _integers("kernel_shape", weights.shape[2:]))
+    graph += _initializer(f"{name}_w", weights.astype(np.float32))
+    return graph if bias is None else graph + _initializer(f"{name}_b", bias.astype(np.float32))
+
+
+def _alike(template: str, side: int, cells: str) -> bytes:
+    """`alike` (1, 1, n, n): how far what is around each cell of the search differs from the whole as the target does.
+
+    That is: the template's middle quarter less its rest, in colour, times the mean of nine cells less that of all,
+    summed over the colours. A target of four cells is most alike in its middle.
+    """
+    middle = np.full((side, side), -4 / 3, np.float32)
+    middle[side // 4 : side - side // 4, side // 4 : side - side // 4] = 4.0
+    contrast = np.eye(3, dtype=np.float32)[:, :, None, None] * middle / side**2
+    graph = _conv(template, "contrast", contrast)
+    graph += _node("GlobalAveragePool", (cells,), "usual") + _node("Sub", (cells, "usual"), "unusual")
+    graph += _node("Mul", ("unusual", "contrast"), "products") + _conv("products", "single", np.ones((1, 3, 1, 1)))
+    around = _integers("kernel_shape", (3, 3)) + _integers("pads", (1, 1, 1, 1))
+    return graph + _node("AveragePool", ("single",), "alike", around)
+
+
+def write_colour_vit(path: Path) -> None:
+    """A network for OpenCV's `TrackerVit` that compares: it finds what has the target's colour, as large as before."""
+    window = _integers("kernel_shape", (16, 16)) + _integers("strides", (16, 16))
+    graph = _node("AveragePool", ("search",), "cells", window) + _alike("template", 128, "cells")
+    graph += _conv("alike", "logit", np.full((1, 1, 1, 1), 0.5), np.array([-2.0])) + _node(
+        "Sigmoid", ("logit",), "output1"
+    )
+    sizes = {"output2": (0.25, 0.25), "output3": (0.5, 0.5)}
+    for name, values in sizes.items():
+        graph += _conv("cells", name, np.zeros((2, 3, 1, 1)), np.array(values))
+    outputs = {"output1": (1, 1, 16, 16)} | dict.fromkeys(sizes, (1, 2, 16, 16))
+    _write(path, graph, {"template": (1, 3, 128, 128), "search": (1, 3, 256, 256)}, outputs)
+
+
+def write_colour_nano(backbone: Path, neckhead: Path) -> None:
+    """Networks for OpenCV's `TrackerNano` that do the same: means of cells, and their comparison."""
+    pooled = _node(
+        "AveragePool", ("input",), "output", _integers("kernel_shape", (15, 15)) + _integers("strides", (16, 16))
+    )
+    _write(backbone, pooled, {"input": (1, 3, 255, 255)}, {"output": (1, 3, 16, 16)})
+    graph = _alike("input1", 8, "input2")
+    scores = np.array([0.0, 2e-4]).reshape(2, 1, 1, 1)  # of products of grey levels
+    graph += _conv("alike", "output1", scores, np.array([0.0, -2.0]))
+    # A cell's middle lies 8 px beyond the place that OpenCV takes for it, and the target is 64 px wide.
+    graph += _conv("input2", "output2", np.zeros((4, 3, 1, 1)), np.array([24.0, 24.0, 40.0, 40.0]))
+    outputs = {"output1": (1, 2, 16, 16), "output2": (1, 4, 16, 16)}
+    _write(neckhead, graph, {"input1": (1, 3, 8, 8), "input2": (1, 3, 16, 16)}, outputs)
+
+
+def write_channel_vit(path: Path, channel: int) -> None:
+    """A network for OpenCV's `TrackerVit` whose score is what it is given in one channel, mean of a cell."""
+    graph = _both("template", "search")
+    window = _integers("kernel_shape", (16, 16)) + _integers("strides", (16, 16))
+    graph += _node("AveragePool", ("both",), "cells", window)
+    chosen = np.eye(3, dtype=np.float32)[channel].reshape(1, 3, 1, 1)
+    graph += _conv("cells", "output1", chosen)
+    for name, values in {"output2": (0.25, 0.25), "output3": (0.5, 0.5)}.items():
+        graph += _conv("cells", name, np.zeros((2, 3, 1, 1)), np.array(values))
+    outputs = {"output1": (1, 1, 16, 16), "output2": (1, 2, 16, 16), "output3": (1, 2, 16, 16)}
+    _write(path, graph, {"template": (1, 3, 128, 128), "search": (1, 3, 256, 256)}, outputs)

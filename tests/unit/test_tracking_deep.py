@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+import csv
 import math
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from benchmarks.painted_scene import Scene, straight
+from common.cli import main
 from common.config import ConfigError
 from common.processes import load_config
 from common.tracking.base import TrackResult
 from common.tracking.registry import make_tracker
-from tests.unit.onnx_file import write_constant_nano, write_constant_vit
+from tests.unit.onnx_file import (
+    write_channel_vit,
+    write_colour_nano,
+    write_colour_vit,
+    write_constant_nano,
+    write_constant_vit,
+)
 
 FILM = list(Scene(straight(0.0), seed=7).frames(0.3))
 
@@ -59,3 +68,68 @@ def test_files_that_are_not_there_or_no_networks_are_named(tmp_path: Path) -> No
     write_constant_vit(tmp_path / "vit.onnx", 0.9)
     with pytest.raises(ValueError, match="nano: its networks do not fit OpenCV's tracker"):
         followed("nano", f"nano.backbone={tmp_path / 'vit.onnx'}", f"nano.neckhead={tmp_path / 'vit.onnx'}")
+
+
+SIDE = 40
+"""Of the square that is followed, px."""
+HIDDEN = range(12, 16)
+
+
+def place(number: int) -> tuple[float, float]:
+    """The square's upper left corner, px."""
+    return 80.0 + 5.0 * number, 80.0 + round(20.0 * math.sin(number / 4.0))
+
+
+def write_film(path: Path, colour: tuple[int, int, int]) -> None:
+    """A square that winds across blotched ground, away for four pictures; another one stands about."""
+    noise = np.random.default_rng(2).integers(40, 200, (240, 320, 3)).astype(np.uint8)
+    ground = cv2.GaussianBlur(noise, (0, 0), 3)
+    cv2.rectangle(ground, (40, 150), (79, 189), (90, 90, 90), -1)
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 20.0, (320, 240))
+    for number in range(26):
+        frame = ground.copy()
+        x, y = (round(side) for side in place(number))
+        if number not in HIDDEN:
+            cv2.rectangle(frame, (x, y), (x + SIDE - 1, y + SIDE - 1), colour, -1)
+        writer.write(frame)
+    writer.release()
+
+
+@pytest.mark.parametrize("colour", [(0, 200, 0), (30, 30, 210)], ids=["green", "red"])
+@pytest.mark.parametrize("name", ["vit", "nano"])
+def test_networks_that_compare_follow_a_colour_through_the_command(
+    tmp_path: Path, name: str, colour: tuple[int, int, int]
+) -> None:
+    write_film(tmp_path / "film.avi", colour)
+    write_colour_vit(tmp_path / "vit.onnx")
+    write_colour_nano(tmp_path / "backbone.onnx", tmp_path / "neckhead.onnx")
+    files = {"vit": ("model=vit",), "nano": ("backbone=backbone", "neckhead=neckhead")}[name]
+    options = [f"{name}.{key}={tmp_path / value}.onnx" for key, value in (file.split("=") for file in files)]
+    x, y = place(0)
+    arguments = ["track", str(tmp_path / "film.avi"), "--tracker", name, "--init", f"{x},{y},{SIDE},{SIDE}"]
+    arguments += ["--out", str(tmp_path / "track.csv"), *(part for option in options for part in ("--set", option))]
+    assert main(arguments) == 0
+    with (tmp_path / "track.csv").open(newline="") as file:
+        rows = {int(row["frame"]): row for row in csv.DictReader(file)}
+    assert {rows[k]["state"] for k in HIDDEN} == {"lost"}
+    offsets = []
+    for number in (k for k in range(1, 26) if k not in HIDDEN):
+        row, (x, y) = rows[number], place(number)
+        assert row["state"] == ("reacquired" if number == HIDDEN.stop else "tracking"), number
+        middle = float(row["x"]) + float(row["w"]) / 2, float(row["y"]) + float(row["h"]) / 2
+        offsets.append(math.dist(middle, (x + SIDE / 2, y + SIDE / 2)))
+        assert 30.0 < float(row["w"]) < 44.0
+    assert np.mean(offsets) < 8.0
+    assert max(offsets) < 15.0, "a cell of its places is 10 px wide, and as high"
+
+
+@pytest.mark.parametrize(("channel", "white"), [(0, 2.249), (1, 2.429), (2, 2.640)])
+def test_vit_is_given_what_its_mean_and_deviation_say(tmp_path: Path, channel: int, white: float) -> None:
+    """OpenCV divides one by three numbers as if they were a quaternion: two of the colours would be negative."""
+    write_channel_vit(tmp_path / "vit.onnx", channel)
+    tracker = make_tracker("vit", load_config(None, [f"vit.model={tmp_path / 'vit.onnx'}"]), np.random.default_rng(1))
+    picture = np.full((240, 320, 3), 255, np.uint8)
+    tracker.init(picture, (140.0, 100.0, 40.0, 40.0))
+    score = tracker.update(picture, 1).score
+    window = math.sin(math.pi * 8 / 17) ** 4  # what OpenCV's window over the places leaves of the middle
+    assert 0.2 * score / (1.0 - score) == pytest.approx(white * window, rel=0.01)
