@@ -206,6 +206,7 @@ class Bus:
 
     def _ask(self, command: str, argument: Command, timeout_s: float | None) -> Reply:
         timeout_s = topics.COMMANDS[command].timeout_s if timeout_s is None else timeout_s
+        asked_s = time.monotonic()
         replies = self._session.get(
             topics.key(self.config.vehicle, command),
             payload=msgspec.msgpack.encode(argument),
@@ -226,7 +227,8 @@ class Bus:
                         reason=f"{command}: malformed reply ({error}); do both sides run the same version of Outrider?",
                     )
         node = command.split("/")[0]
-        return Reply(outcome="failed", reason=f"{command}: no answer in {timeout_s:g} s; is node {node!r} running?")
+        waited_s = time.monotonic() - asked_s  # shorter than the timeout where the node died meanwhile, or is not there
+        return Reply(outcome="failed", reason=f"{command}: no answer in {waited_s:.1f} s; is node {node!r} running?")
 
     def announce(self) -> None:
         """Say that this node is alive until the session ends."""

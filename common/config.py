@@ -180,6 +180,11 @@ class Config:
                 return section
         raise KeyError(f"no section of type {kind.__name__} is registered in common.processes.SECTIONS")
 
+    @property
+    def modules(self) -> tuple[str, ...]:
+        """Modules of the sections' classes: who has imported them unpickles this at once."""
+        return tuple(sorted({type(section).__module__ for section in self._built.values()}))
+
     def resolved(self) -> dict[str, Any]:
         """Every section as plain data, defaults included: what the log shows and the recording keeps."""
         return {name: msgspec.to_builtins(section) for name, section in self._built.items()}

@@ -264,13 +264,20 @@ def _nobody_answers(command: str, argument: Command) -> Reply:
     return Reply(outcome="failed", reason=f"{command}: this node is not on a bus")
 
 
-class _ScriptedCall:
+class ScriptedCall:
+    """A command without a bus: whoever gives it reads `CommandCall.answer`.
+
+    Args:
+        name: of the command.
+        command: its argument.
+    """
+
     def __init__(self, name: str, command: Command):
         self.name = name
         self.command = command
 
     def reply(self, reply: Reply) -> None:
-        """Nothing to send: the test reads `CommandCall.answer`."""
+        """Nothing to send."""
 
 
 class ScriptedRun:
@@ -305,5 +312,5 @@ class ScriptedRun:
 
     def call(self, name: str, command: Command, t_ns: int) -> tuple[CommandCall, list[Output]]:
         """Give the node a command; the call's `answer` is set once the node replied."""
-        call = CommandCall(_ScriptedCall(name, command))
+        call = CommandCall(ScriptedCall(name, command))
         return call, list(self.node.on_command(call, Inputs(self.store, t_ns), t_ns))

@@ -32,12 +32,24 @@ def tracker_class(name: str) -> Any:
     Raises:
         ConfigError: unknown name; the text lists the right ones.
     """
-    try:
-        return load_object(TRACKERS[name])
-    except KeyError:
+    check_name(name, "tracker")
+    return load_object(TRACKERS[name])
+
+
+def check_name(name: str, what: str) -> None:
+    """Refuse a name that is not in the registry.
+
+    Args:
+        name: the name.
+        what: what it is given as, for the error.
+
+    Raises:
+        ConfigError: unknown name; the text lists the right ones.
+    """
+    if name not in TRACKERS:
         near = get_close_matches(name, TRACKERS, n=1)
         hint = f"; did you mean {near[0]!r}?" if near else ""
-        raise ConfigError(f"tracker: got {name!r}, expected one of: {', '.join(TRACKERS)}{hint}") from None
+        raise ConfigError(f"{what}: got {name!r}, expected one of: {', '.join(TRACKERS)}{hint}")
 
 
 def make_tracker(name: str, config: Config, rng: np.random.Generator) -> Tracker:

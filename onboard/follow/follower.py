@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from collections import deque
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +12,7 @@ from common.config import Config
 from common.geometry.camera import Camera
 from common.messages import Request, Track
 from common.tracking.base import Box
+from onboard.follow.choice import Picture
 from onboard.follow.config import FollowConfig
 from onboard.follow.law import Vehicle
 from onboard.follow.steering import Steering
@@ -24,8 +24,6 @@ from onboard.fusion.members import MemberPool
 from onboard.proximity.pose import Pose
 
 log = logging.getLogger(__name__)
-_KEPT_PICTURES = 16
-_LATEST_NS = 100_000_000
 
 
 class Followed(NamedTuple):
@@ -57,7 +55,6 @@ class Follower:
         self.fusion = LiveHabDf(pool, fusion, settings.answer_within_s, settings.frozen_after_s)
         """The fused trackers."""
         self._steering = Steering(settings, config.section(DepthConfig), camera)
-        self._pictures: deque[tuple[int, np.ndarray]] = deque(maxlen=_KEPT_PICTURES)
         self.active = False
         """Whether there is a target."""
 
@@ -65,34 +62,18 @@ class Follower:
         """Take another calibration; pictures larger than the trackers' memory are refused later, by name."""
         self._steering.calibrate(camera)
 
-    def picture_at(self, capture_ns: int) -> tuple[int, np.ndarray] | None:
-        """The kept picture of this stamp (0: the newest), ns; None when it is not kept."""
-        if not self._pictures:
-            return None
-        if not capture_ns:
-            return self._pictures[-1]
-        best = min(self._pictures, key=lambda p: abs(p[0] - capture_ns))
-        return best if abs(best[0] - capture_ns) <= _LATEST_NS else None
-
-    def keep(self, frame: np.ndarray, t_ns: int) -> None:
-        """Keep a picture for a selection that names it."""
-        self._pictures.append((t_ns, frame))
-
-    def select(self, box: Box, angle_rad: float, capture_ns: int) -> None:
-        """Take what a kept picture shows in a box as the target, in that picture.
+    def select(self, picture: Picture, box: Box, angle_rad: float) -> None:
+        """Take what a picture shows in a box as the target.
 
         Args:
+            picture: the picture.
             box: x, y, width, height before the rotation, px.
             angle_rad: its rotation, rad; the trackers start on the upright box around it.
-            capture_ns: the picture's stamp, ns; 0: the newest.
 
         Raises:
-            ValueError: no such picture, or a box that cannot be one.
+            ValueError: a picture that is too large, or a box that cannot be one.
         """
-        found = self.picture_at(capture_ns)
-        if found is None:
-            raise ValueError("got a box on a picture that is not kept; draw it on the live picture")
-        t_ns, frame = found
+        t_ns, frame = picture
         if frame.size > self.fusion.pool.size:
             raise ValueError(
                 f"got a picture of {frame.shape[1]}x{frame.shape[0]} px, larger than the camera's of the vehicle file; "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,6 +27,7 @@ from common.messages import (
 )
 from common.node import CommandCall, Inputs, Node, On, Output
 from common.tracking.base import Box
+from onboard.follow.choice import Choice, Picture, Pictures
 from onboard.follow.config import FollowConfig
 from onboard.helm.config import HelmConfig
 from onboard.proximity.pose import PoseTrack
@@ -34,7 +36,7 @@ if TYPE_CHECKING:
     from onboard.follow.follower import Follower
 
 log = logging.getLogger(__name__)
-_READY_S = 12.0
+_MADE_S = 15.0
 _TOLD_NS = 200_000_000
 _MEMBERS_NS = 90_000_000
 _SAME_MOMENT_NS = 60_000_000
@@ -75,6 +77,9 @@ class FollowNode(Node):
         )
         self.trigger = On((self._raw,), at_least_every_s=0.1)
         self._follower: Follower | None = None
+        self._coming: Future[Follower] | None = None
+        self._pictures = Pictures()
+        self._choice: Choice | None = None
         self._poses = PoseTrack()
         self._state: VehicleState | None = None
         self._sent: Received[Setpoint] | None = None
@@ -91,20 +96,20 @@ class FollowNode(Node):
             self._state = received.message
         for sent in inputs.drain("helm/setpoint", Setpoint):
             self._sent = sent
-        if self._beside_chase and self._follower is None:
+        if self._beside_chase:
             self._begin()
-        picture = inputs.latest(self._raw, Image)
-        if picture is None or picture is self._taken or self._follower is None:
+        self._meet()
+        picture = self._new_picture(inputs)
+        if self._choice is not None:
+            self._advance(t_ns)
             return self._idle(t_ns)
-        self._taken = picture
-        follower, capture_ns = self._follower, picture.header.capture_ns
+        if picture is None or self._follower is None:
+            return self._idle(t_ns)
+        follower, (capture_ns, frame) = self._follower, picture
         info = inputs.peek(self._info, CameraInfo)
         if info is not None and info.message != self._camera_info:
             self._camera_info = info.message
             follower.calibrate(Camera.from_info(info.message))
-        message = picture.message
-        frame = np.frombuffer(message.data, np.uint8).reshape(message.height, message.width, 3)
-        follower.keep(frame, capture_ns)
         if self._beside_chase and not self._chosen:
             self._beside(follower, inputs)
         if not follower.active:
@@ -142,6 +147,9 @@ class FollowNode(Node):
 
     def on_command(self, call: CommandCall, inputs: Inputs, t_ns: int) -> Iterable[Output]:
         """`select` a target by its box, or `stop`."""
+        if self._choice is not None:
+            self._choice.refuse("refused", f"superseded by {call.name} from {call.client}")
+            self._choice = None
         if call.name == "follow/do/stop":
             self._chosen = False
             if self._follower is not None:
@@ -152,23 +160,35 @@ class FollowNode(Node):
         if box is None:
             call.reply(Reply(outcome="refused", reason="select: got no box, expected x, y, width, height in px"))
             return ()
-        follower = self._follower or self._begin()
-        picture = inputs.latest(self._raw, Image)
-        if picture is not None and picture is not self._taken:
-            self._taken = picture
-            shape = (picture.message.height, picture.message.width, 3)
-            follower.keep(np.frombuffer(picture.message.data, np.uint8).reshape(shape), picture.header.capture_ns)
-        if not follower.fusion.pool.await_ready(_READY_S):
-            call.reply(Reply(outcome="failed", reason="select: the trackers did not start; see this node's log"))
-            return ()
+        self._new_picture(inputs)
         try:
-            follower.select(box, call.command.angle_rad, call.command.capture_ns)
+            pictures = self._pictures.since(call.command.capture_ns)
         except ValueError as error:
             call.reply(Reply(outcome="refused", reason=f"select: {error}"))
             return ()
-        self._chosen = True
-        call.reply(Reply(outcome="done", reason="`follow` obeys it"))
+        self._begin()
+        self._choice, self._chosen = Choice(call, box, pictures, t_ns), True
+        self._advance(t_ns)
         return ()
+
+    def _advance(self, t_ns: int) -> None:
+        """Go on with the choice; forget it once it is answered."""
+        if self._choice is not None and self._choice.advance(self._follower, t_ns):
+            self._choice = None
+            self._chosen = self._follower is not None and self._follower.active
+
+    def _new_picture(self, inputs: Inputs) -> Picture | None:
+        """The newest picture, kept; None when it was taken already."""
+        received = inputs.latest(self._raw, Image)
+        if received is None or received is self._taken:
+            return None
+        self._taken = received
+        shape = (received.message.height, received.message.width, 3)
+        picture = Picture(received.header.capture_ns, np.frombuffer(received.message.data, np.uint8).reshape(shape))
+        self._pictures.keep(picture)
+        if self._choice is not None:
+            self._choice.add(picture)
+        return picture
 
     def metrics(self) -> dict[str, float]:
         """Trackers that see the target, were begun anew, or came late."""
@@ -181,23 +201,36 @@ class FollowNode(Node):
 
     def close(self) -> None:
         """End the trackers."""
+        if self._coming is not None:
+            self._coming.result(_MADE_S).close()
         if self._follower is not None:
             self._follower.close()
 
-    def _begin(self) -> Follower:
-        # Imported here: on a vehicle that follows nothing, filters and trackers would cost a second and 100 MB.
-        from onboard.follow.follower import Follower
+    def _begin(self) -> None:
+        """Have the trackers come up, beside the loop: on a busy machine it takes seconds."""
+        if self._follower is None and self._coming is None:
+            maker = ThreadPoolExecutor(1, "follow-begin")
+            self._coming = maker.submit(_made, self.config, self._camera)
+            maker.shutdown(wait=False)
 
-        self._follower = Follower(self.config, self._camera)
-        return self._follower
+    def _meet(self) -> None:
+        """Take the follower that `_begin` had made, once it is.
+
+        Raises:
+            ConfigError: it could not be made.
+        """
+        if self._coming is not None and self._coming.done():
+            coming, self._coming = self._coming, None
+            self._follower = coming.result()
 
     def _idle(self, t_ns: int) -> Iterable[Output]:
         active = self._follower is not None and self._follower.active
         if active or t_ns - self._told_ns < _TOLD_NS:
             return ()
         self._told_ns = t_ns
+        reason = "no target" if self._choice is None else "the trackers start"
         return [
-            Output("follow/track", Track(state="idle", reason="no target")),
+            Output("follow/track", Track(state="idle", reason=reason)),
             Output("follow/members", FollowMembers(camera=self._settings.camera)),
         ]
 
@@ -227,13 +260,20 @@ class FollowNode(Node):
             self._apart_ns = self._apart_ns or capture_ns
             if capture_ns - self._apart_ns < self._settings.hand_over_after_s * 1e9:
                 return
-        if not follower.fusion.pool.ready and not follower.fusion.pool.await_ready(0.0):
+        if not follower.fusion.pool.await_ready(0.0):
             return
         try:
-            follower.select(box, 0.0, capture_ns)
+            follower.select(self._pictures.since(capture_ns)[0], box, 0.0)
         except ValueError as error:
             log.info("beside the chase: %s", error)
         self._apart_ns = None
+
+
+def _made(config: Config, camera: Camera) -> Follower:
+    # Imported here: on a vehicle that follows nothing, filters and trackers would cost a second and 100 MB.
+    from onboard.follow.follower import Follower
+
+    return Follower(config, camera)
 
 
 def _velocity(sent: Received[Setpoint] | None, t_ns: int) -> tuple[np.ndarray | None, int]:

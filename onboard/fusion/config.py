@@ -7,6 +7,7 @@ from typing import Annotated
 import msgspec
 
 from common.config import ConfigError, Fraction, NonNegative, Positive, Section
+from common.tracking.registry import check_name
 
 
 class FusionConfig(Section, frozen=True, kw_only=True):
@@ -106,6 +107,8 @@ class HabDfConfig(Section, frozen=True, kw_only=True):
         )
 
     def check(self) -> None:
-        """Raise ConfigError when a member is named twice, or is the fusion itself."""
+        """Raise ConfigError when a member is unknown, named twice, or is the fusion itself."""
+        for name in self.members:
+            check_name(name, "members")
         if len(set(self.members)) != len(self.members) or "hab-df" in self.members:
             raise ConfigError(f"members: got {list(self.members)}, expected different trackers, hab-df not among them")

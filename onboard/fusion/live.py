@@ -78,6 +78,10 @@ class LiveHabDf:
         """Whether the answer has rested on trustworthy trackers of late: they do not all answer in every step."""
         return self.box is not None and t_ns - self._seen_ns <= _RECENT_NS
 
+    def catch_up(self, frame: np.ndarray, t_ns: int) -> None:
+        """Take a picture of the past whose answers can be waited for, as `step`."""
+        self._step(frame, t_ns, None, _IDLE_S)
+
     def step(self, frame: np.ndarray, t_ns: int, foreseen: Box | None = None) -> Fused:
         """Fused answer for a picture from what has been answered so far.
 
@@ -89,6 +93,9 @@ class LiveHabDf:
         Raises:
             ValueError: no target.
         """
+        return self._step(frame, t_ns, foreseen, self._answer_within_s)
+
+    def _step(self, frame: np.ndarray, t_ns: int, foreseen: Box | None, within_s: float) -> Fused:
         fusion = self._fusion
         if fusion is None:
             raise ValueError("fusion: step without a target; select one first")
@@ -97,7 +104,7 @@ class LiveHabDf:
         for name, member in self.pool.members.items():
             if member.started and member.ask(Ask("update", t_ns, frame.shape, None, fusion.expected(name)), frame):
                 fusion.given(name)
-        answers |= dict(self.pool.collect(self._answer_within_s))
+        answers |= dict(self.pool.collect(within_s))
         self.late += sum(answer.t_ns < t_ns for answer in answers.values())
         fused = fusion.hear(answers)
         if fused.state == "tracking":

@@ -20,10 +20,12 @@ import numpy as np
 
 from common.config import Config
 from common.tracking.base import Box, Expectation, TrackResult
+from common.tracking.registry import TRACKERS
 from onboard.fusion.camera_motion import tell
 
 log = logging.getLogger(__name__)
-_SPAWN = multiprocessing.get_context("spawn")
+_FORKS = multiprocessing.get_context("forkserver")
+"""One server imports and compiles once for all; it has no thread, so that a fork of it is whole."""
 _END_S = 1.0
 _READY_S = 30.0
 _PROMPT_S = 0.15
@@ -141,11 +143,11 @@ class Member:
         return self.busy and not self._gone and (late_s < _PROMPT_S or not self.ready)
 
     def _spawn(self) -> None:
-        self._memory = _SPAWN.RawArray(ctypes.c_uint8, self._size)
+        self._memory = _FORKS.RawArray(ctypes.c_uint8, self._size)
         self._pixels = np.ctypeslib.as_array(self._memory)
-        self._connection, theirs = _SPAWN.Pipe()
+        self._connection, theirs = _FORKS.Pipe()
         arguments = (self.name, self._config, self._seed, self._memory, theirs)
-        self._process = _SPAWN.Process(target=serve, args=arguments, name=f"follow {self.name}", daemon=True)
+        self._process = _FORKS.Process(target=serve, args=arguments, name=f"follow {self.name}", daemon=True)
         self._process.start()
         theirs.close()
         self.ready = self.started = self._gone = False
@@ -219,6 +221,10 @@ class MemberPool:
 
     def __init__(self, names: Iterable[str], config: Config, seed: int, size: int):
         self.size = size
+        names = list(names)
+        _FORKS.set_forkserver_preload(
+            [__name__, *config.modules, *(TRACKERS[n].partition(":")[0] for n in names if n in TRACKERS)]
+        )
         self.members = {name: Member(name, config, (seed, i), size) for i, name in enumerate(names)}
 
     @property

@@ -42,6 +42,7 @@ SHELLS = (
     "onboard/helm/autopilot_link.py",  # MAVSDK
     "onboard/camera/source.py",  # cameras
     "onboard/fusion/members.py",  # the trackers' processes
+    "onboard/follow/choice.py",  # a command, and how long the loop may wait
     "onboard/camera/stream.py",  # what the node sends
     "ground/recorder/intake.py",  # the queue between threads
     "ground/console/",  # all of it is the operator's page

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from benchmarks.painted_scene import Pose, Scene, straight
-from common.messages import Command, FollowMembers, Image, Request, Setpoint, Track
-from common.node import Output, ScriptedRun
+from common.messages import Command, FollowMembers, Image, Reply, Request, Setpoint, Track
+from common.node import CommandCall, Output, ScriptedRun
 from common.processes import load_config
 from onboard.follow.node import FollowNode
 from onboard.fusion.config import FusionConfig, HabDfConfig
@@ -42,8 +42,17 @@ class Rig:
 
     def call(self, name: str, command: Command) -> str:
         call, _ = self.run.call(f"follow/do/{name}", command, self.t_ns)
-        assert call.answer is not None
-        return f"{call.answer.outcome}: {call.answer.reason}"
+        answer = self.answered(call)
+        return f"{answer.outcome}: {answer.reason}"
+
+    def answered(self, call: CommandCall) -> Reply:
+        """Step, without a further picture, until the trackers are up."""
+        end_s = time.monotonic() + 40.0
+        while call.answer is None:
+            assert time.monotonic() < end_s
+            self.run.step(self.t_ns)
+            time.sleep(0.02)
+        return call.answer
 
     def requests(self, count: int) -> list[Request]:
         found = []
@@ -103,6 +112,20 @@ def test_what_was_chosen_is_followed_until_it_is_away_for_long() -> None:
         rig.node.close()
 
 
+def test_a_choice_waits_beside_the_loop_and_is_superseded_by_the_next_command() -> None:
+    rig = Rig()
+    try:
+        rig.picture()
+        first, _ = rig.run.call("follow/do/select", Command(box_px=rig.pose.box()), rig.t_ns)
+        assert first.answer is None, "the trackers come up in another thread"
+        said = [o.message for o in rig.run.step(rig.t_ns + S) if isinstance(o.message, Track)]
+        assert [(m.state, m.reason) for m in said] == [("idle", "the trackers start")]
+        assert rig.call("stop", Command()).startswith("done")
+        assert first.answer is not None and first.answer.reason == "select: superseded by follow/do/stop from unknown"
+    finally:
+        rig.node.close()
+
+
 @pytest.mark.slow
 def test_beside_a_chase_it_tracks_what_the_chase_tracks() -> None:
     rig = Rig("helm.follow_on_link_loss=true")
@@ -110,6 +133,7 @@ def test_beside_a_chase_it_tracks_what_the_chase_tracks() -> None:
         rig.picture()
         end = time.monotonic() + 40.0
         while rig.node._follower is None or not rig.node._follower.fusion.pool.await_ready(0.1):
+            rig.run.step(rig.t_ns)
             assert time.monotonic() < end
         rig.picture()
         _chase(rig)

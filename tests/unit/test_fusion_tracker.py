@@ -134,5 +134,5 @@ def test_members_come_from_the_configuration() -> None:
     assert list(HabDfTracker.make(config, np.random.default_rng(0)).members) == ["dsst", "particle_filter"]
     with pytest.raises(ConfigError, match="different trackers"):
         build(HabDfConfig, {"members": ["dsst", "dsst"]}, "hab_df")
-    with pytest.raises(ConfigError, match="tracker: got 'nothing'"):
-        HabDfTracker.make(load_config(None, ['hab_df.members=["nothing"]']), np.random.default_rng(0))
+    with pytest.raises(ConfigError, match=r"members: got 'strukc', expected one of: .* did you mean 'struck'"):
+        load_config(None, ['hab_df.members=["strukc"]'])
