@@ -223,7 +223,7 @@ def _fitted(
     low, high = flat.min(axis=0) - reach - _MOST_SHIFT_M, flat.max(axis=0) + reach + _MOST_SHIFT_M
     around = np.flatnonzero(free & (places > low).all(axis=1) & (places < high).all(axis=1))
     total = np.zeros(2)
-    if _within(camera, joints_m):
+    if _seen(camera, joints_m) >= 8:
         for _ in range(_SHIFTS):
             distances, ways = _from_bones(places[around], flat + total)
             mine = distances < reach
@@ -283,7 +283,7 @@ def _near(camera: Camera, joints_m: Array) -> bool:
     return bool(((pixels > 0) & (pixels < (camera.width, camera.height))).all(axis=1).any())
 
 
-def _within(camera: Camera, joints_m: Array) -> bool:
-    """Whether all of it is."""
+def _seen(camera: Camera, joints_m: Array) -> int:
+    """How many joints of a body are in the picture."""
     pixels = camera.project(joints_m)
-    return bool(((pixels > 0) & (pixels < (camera.width, camera.height))).all())
+    return int(((pixels > 0) & (pixels < (camera.width, camera.height))).all(axis=1).sum())

@@ -72,7 +72,10 @@ def examine(
             if not pose_refusal(own, part.region, config, focal_px):
                 sight, pose, refusal = part, own, ""
     says = evidence(pose, sight.region, config, focal_px)
-    refusal = refusal or _somebody_else(spot, sight, pose, says, others, colour)
+    refusal = refusal or _somebody_else(spot, sight, pose, others, colour)
+    known = sight.pose
+    if not refusal and known is not None and _cut_off(sight, pose, known, says, colour):
+        pose = known
     return Verdict(sight, pose, refusal, says)
 
 
@@ -81,9 +84,15 @@ def _touches_more(sight: Sight, pose: Pose, colour: Camera) -> bool:
     return sight.ned_trunk_m is None and touches_more(sight, pose, colour)
 
 
-def _somebody_else(
-    spot: Spot, sight: Sight, pose: Pose, says: float, others: Sequence[Pose], colour: Camera | None
-) -> str:
+def _cut_off(sight: Sight, pose: Pose, known: Pose, says: float, colour: Camera | None) -> bool:
+    """Whether a doubtful pose of somebody known, of whom an edge cuts off a part, says no more than that they are still
+    there: as they lie otherwise."""
+    if colour is None or sight.ned_trunk_m is not None or says >= CLEAR or not sight.region.at_edge:
+        return False
+    return not (same_body(pose, known) and same_body(known, pose))
+
+
+def _somebody_else(spot: Spot, sight: Sight, pose: Pose, others: Sequence[Pose], colour: Camera | None) -> str:
     """Why a pose that is a person's is not one of somebody new, or nothing when it is."""
     if any(same_body(pose, other) for other in others):
         return "the pose of somebody beside"
@@ -91,8 +100,4 @@ def _somebody_else(
         return ""  # who stands may well be before somebody else
     if not spot.confirmed and any(is_part(sight, other, colour) for other in others):
         return "a part of somebody beside"
-    known = sight.pose
-    if known is None or says >= CLEAR or not sight.region.at_edge:
-        return ""
-    agrees = same_body(pose, known) and same_body(known, pose)
-    return "" if agrees else "not how somebody known lies there, of whom an edge cuts off a part"
+    return ""

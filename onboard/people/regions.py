@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from common.geometry.camera import Camera
 from common.geometry.rotation import Array, quat_conjugate, quat_rotate, quat_to_matrix
 from onboard.people.clusters import Cluster
+from onboard.people.columns import CORE_M
 from onboard.people.depth import Cloud, Floats, RayTable
 from onboard.people.floor import Floor
 
@@ -168,7 +169,7 @@ def _region(
         cluster.length_m,
         cluster.width_m,
         cluster.height_m,
-        _crown(dense, points, floor, table, colour),
+        _crown(dense, points, floor, table, colour, cluster.trunk_m),
         whole and bordered,
         bordered or not whole,
     )
@@ -182,8 +183,17 @@ def _at_border(dense: Floats, table: RayTable) -> bool:
     return bool((places < np.minimum(*ends) + margin).any() or (places > np.maximum(*ends) - margin).any())
 
 
-def _crown(dense: Floats, points: Array, floor: Floor, table: RayTable, colour: Camera) -> Crown:
-    """Top of some points (N, 3), given in the frames of the depth camera and of the colour camera."""
+def _crown(
+    dense: Floats, points: Array, floor: Floor, table: RayTable, colour: Camera, trunk_m: Array | None
+) -> Crown:
+    """Top of some points (N, 3), given in the frames of the depth camera and of the colour camera; of somebody who
+    stands, whose trunk's middle (3,) is known, above the trunk alone: a hand that waves is higher than the head."""
+    if trunk_m is not None:
+        offsets = dense - trunk_m
+        flat = offsets - np.outer(offsets @ floor.up, floor.up)
+        near = np.linalg.norm(flat, axis=1) < CORE_M
+        if near.any():
+            dense, points = dense[near], points[near]
     heights = floor.heights_m(dense)
     below_top = float(np.percentile(heights, _TOP_PERCENT)) - heights
     areas = (dense[:, 2].astype(float) / table.focal_px) ** 2

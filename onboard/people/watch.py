@@ -143,7 +143,8 @@ class Watch:
         if person:
             return 1.0 + age_s / self.config.refresh_s if changed else age_s / self.config.refresh_s
         wait_s = self.config.again_s * _LONGER ** (0 if changed else min(max(spot.refusals - 1, 0), 10))
-        return age_s / min(wait_s * (_LIKELY_WAIT if likely else 1.0), self.config.again_most_s)
+        share = _LIKELY_WAIT / _STANDS if stands else _LIKELY_WAIT if likely else 1.0
+        return age_s / min(wait_s * share, self.config.again_most_s)
 
     @staticmethod
     def _follows(spot: Spot) -> bool:
