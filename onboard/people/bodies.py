@@ -34,6 +34,9 @@ _MORE = 1.05
 _LEAST_COLUMN = 0.3
 """The same of those who stand: somebody else may be before them."""
 _JOINT_POINTS = 3
+_FEWEST_JOINTS = 6
+"""Of whom fewer joints are in the picture are not looked for: too little to tell how far they are from where they were
+believed, and the rest would be nobody's."""
 
 
 @dataclass(frozen=True)
@@ -162,10 +165,10 @@ def claims(
     places = _flat(points_m, height_m)
     for body in bodies:
         joints = vehicle.into_camera(camera, body.ned_joints_m)
-        if joints[:, 2].min() < 0.3 or not _near(camera, joints):
+        if joints[:, 2].min() < 0.3 or _seen(camera, joints) < _FEWEST_JOINTS:
             continue
         low = heights_m < body.top_m + _MOST_MORE_M
-        moved, rows = _fitted(body, joints, places, free & low, height_m, camera)
+        moved, rows = _fitted(body, joints, places, free & low, height_m)
         if not len(rows) or areas_m2[rows].sum() < _LEAST_SHARE * body.area_m2:
             continue
         if np.percentile(heights_m[rows], _TOP_PERCENT) < _LEAST_TOP * body.top_m:
@@ -215,23 +218,20 @@ def hang_on(points_m: Floats, body: Body, height_m: float, camera: Camera, vehic
     return bool((distances < LOOSE_M * _reach(joints, height_m) / REACH_M).all())
 
 
-def _fitted(
-    body: Body, joints_m: Array, places: Array, free: NDArray[np.bool_], height_m: float, camera: Camera
-) -> tuple[Array, Ints]:
+def _fitted(body: Body, joints_m: Array, places: Array, free: NDArray[np.bool_], height_m: float) -> tuple[Array, Ints]:
     """Joints moved across the rays until the free points around them lie as they did, and the rows of these."""
     flat, reach = _flat(joints_m, height_m), _reach(joints_m, height_m)
     low, high = flat.min(axis=0) - reach - _MOST_SHIFT_M, flat.max(axis=0) + reach + _MOST_SHIFT_M
     around = np.flatnonzero(free & (places > low).all(axis=1) & (places < high).all(axis=1))
     total = np.zeros(2)
-    if _seen(camera, joints_m) >= 8:
-        for _ in range(_SHIFTS):
-            distances, ways = _from_bones(places[around], flat + total)
-            mine = distances < reach
-            if not mine.any():
-                break
-            total = total + _mean_way(distances[mine], ways[mine], reach) - body.lean_m
-            if np.linalg.norm(total) > _MOST_SHIFT_M:
-                return joints_m, np.empty(0, np.int32)
+    for _ in range(_SHIFTS):
+        distances, ways = _from_bones(places[around], flat + total)
+        mine = distances < reach
+        if not mine.any():
+            break
+        total = total + _mean_way(distances[mine], ways[mine], reach) - body.lean_m
+        if np.linalg.norm(total) > _MOST_SHIFT_M:
+            return joints_m, np.empty(0, np.int32)
     distances, _ = _from_bones(places[around], flat + total)
     if body.top_m < STANDING_M and total.any():
         before, _ = _from_bones(places[around], flat)
@@ -275,12 +275,6 @@ def _from_bones(places: Array, joints: Array) -> tuple[Array, Array]:
     nearest = np.argmin(distances, axis=1) if len(places) else np.empty(0, int)
     rows = np.arange(len(places))
     return distances[rows, nearest], ways[rows, nearest]
-
-
-def _near(camera: Camera, joints_m: Array) -> bool:
-    """Whether some of a body may be in the picture."""
-    pixels = camera.project(joints_m)
-    return bool(((pixels > 0) & (pixels < (camera.width, camera.height))).all(axis=1).any())
 
 
 def _seen(camera: Camera, joints_m: Array) -> int:

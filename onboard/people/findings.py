@@ -56,7 +56,8 @@ class Found:
         if self.picture_px is not None:
             seen = seen[((seen >= 0) & (seen < self.picture_px)).all(axis=1)]
         stands = (self.sight.region.height_m or 0.0) > STANDING_M
-        if not len(seen) or (stands and not self.fresh):  # whose limbs may be elsewhere by now
+        moves = stands and not self.fresh and not self.sight.region.cut
+        if not len(seen) or moves:  # whose limbs may be elsewhere by now, and would be seen there
             return x, y, w, h
         low = np.minimum(np.floor(seen.min(axis=0)).astype(int), (x, y))
         high = np.maximum(np.ceil(seen.max(axis=0)).astype(int), (x + w, y + h))

@@ -183,9 +183,7 @@ def _at_border(dense: Floats, table: RayTable) -> bool:
     return bool((places < np.minimum(*ends) + margin).any() or (places > np.maximum(*ends) - margin).any())
 
 
-def _crown(
-    dense: Floats, points: Array, floor: Floor, table: RayTable, colour: Camera, trunk_m: Array | None
-) -> Crown:
+def _crown(dense: Floats, points: Array, floor: Floor, table: RayTable, colour: Camera, trunk_m: Array | None) -> Crown:
     """Top of some points (N, 3), given in the frames of the depth camera and of the colour camera; of somebody who
     stands, whose trunk's middle (3,) is known, above the trunk alone: a hand that waves is higher than the head."""
     if trunk_m is not None:

@@ -10,7 +10,10 @@ import pytest
 
 from benchmarks.people_scene import KINECT_2
 from onboard.people.beyond import one_beyond, whole
+from onboard.people.findings import Found
+from onboard.people.pose import Pose
 from onboard.people.regions import Box, Region, Registration
+from onboard.people.sights import Sight
 
 DEPTH_M = 5.0
 COLOUR = replace(KINECT_2, width=760, cx_px=KINECT_2.cx_px + 124.0)
@@ -39,6 +42,16 @@ def seen(cut: bool = True, end_px: int = END_PX) -> Region:
     x, y, width, height = cv2.boundingRect(mask)
     box = (int(x), int(y), int(width), int(height))
     return Region(box, mask[y : y + height, x : x + width] > 0, (0.0, 0.0, DEPTH_M), 1.0, 0.4, 0.3, None, cut, True)
+
+
+@pytest.mark.parametrize("cut", [True, False])
+def test_the_limbs_that_are_known_count_where_the_depth_picture_ends(cut: bool):
+    region = replace(seen(cut), height_m=1.7)
+    joints = np.tile((600.0, 200.0), (15, 1))
+    joints[4] = (700.0, 190.0)
+    found = Found(1, Sight(region), Pose(joints, np.full(15, 0.9), 1.0), False, (COLOUR.width, COLOUR.height))
+    right = found.box_px[0] + found.box_px[2]
+    assert right == (700 if cut else region.box_px[0] + region.box_px[2]), "who is seen whole has moved their arms"
 
 
 def test_what_hangs_on_a_region_beyond_the_depth_picture_is_part_of_it():

@@ -84,6 +84,19 @@ def test_somebody_who_moved_is_followed_and_what_touches_them_is_not_theirs():
     np.testing.assert_allclose(moved, np.tile((0.04, 0.12, 0.0), (15, 1)), atol=0.05)
 
 
+def test_somebody_whom_the_edge_cuts_is_found_beside_where_they_were_believed():
+    vehicle = above(HEIGHT_M)
+    body = _body(vehicle)
+    for legs_beyond, looked_for in ((2.1, True), (3.0, False)):  # by so much north, m: the picture's top is there
+        there = vehicle.into_camera(DOWN, body.ned_joints_m + np.array([legs_beyond, 0.0, 0.0]))
+        mine = _points() + (there - JOINTS).mean(axis=0) + np.array([0.15, 0.0, 0.0])
+        mine = mine[DOWN.project(mine)[:, 1] > 0]
+        found = _claimed(body.shifted(np.array([legs_beyond, 0.0, 0.0])), mine, vehicle)
+        assert bool(found) is looked_for
+        if found:
+            assert len(found[0].rows) > 0.9 * len(mine), "and nothing of them is left for somebody new"
+
+
 def test_who_lies_does_not_drift_to_what_touches_them():
     vehicle = above(HEIGHT_M)
     body, mine = _body(vehicle), _points()

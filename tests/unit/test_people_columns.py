@@ -56,6 +56,19 @@ def test_a_plank_at_the_feet_is_not_theirs_and_arms_held_out_are():
     assert np.linalg.norm(core[:, :2].mean(axis=0)) < 0.05
 
 
+def test_an_arm_that_floats_hangs_on_whom_it_points_at_and_not_on_who_passes():
+    waves, passes = _person((0.0, 0.0)), _person((1.1, 0.35))
+    arm, board = _box((0.4, -0.05), (0.85, 0.05), 1.6), _box((0.4, -0.05), (0.85, 0.05), 0.6)
+    for piece, owned in ((arm, True), (board, False)):
+        points = np.vstack((waves, passes, piece))
+        labels = np.repeat(np.arange(3, dtype=np.int32), [len(waves), len(passes), len(piece)])
+        flat, heights = points[:, :2].astype(np.float32), points[:, 2].astype(np.float32)
+        found = columns(flat, heights, np.full(len(points), AREA_M2), labels)
+        sizes = sorted(len(column.rows) for column in found)
+        assert sizes == [len(passes), len(waves) + owned * len(piece)], "a thing so low stands on the ground"
+        assert all(len(np.unique(labels[column.rows] == 1)) == 1 for column in found)
+
+
 @pytest.mark.parametrize(
     "points",
     [

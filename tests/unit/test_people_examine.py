@@ -100,8 +100,9 @@ def test_a_doubtful_pose_of_the_legs_alone_does_not_replace_somebody_known(
     hips = LYING[[8, 11]].mean(axis=0)
     legs = moved(STANDING, 0.3, 0.72, tuple(hips))
     sight = replace(sight_of(legs, at_edge=at_edge), pose=pose(LYING))
-    found = verdict(Spot(sight, 0), pose(legs, 1.0, confidence))
-    assert (found.refusal == "") is kept, found.refusal
+    looked = pose(legs, 1.0, confidence)
+    found = verdict(Spot(sight, 0), looked)
+    assert found.refusal == "" and found.pose is (looked if kept else sight.pose), "they are still there"
     same = verdict(Spot(sight_of(LYING, at_edge=at_edge), 0), pose(LYING, 1.0, confidence))
     assert same.refusal == ""
 

@@ -66,6 +66,23 @@ def test_the_mask_of_an_aligned_sensor_is_the_body(height_m: float):
     assert min(np.linalg.norm(end - KINECT_2.project(head)[0]) for end in region.axis()) < 100.0 / height_m
 
 
+def test_the_top_of_somebody_who_waves_is_the_head_and_not_the_hand():
+    """`standing_apart` knows their trunk; the picture alone would take the hand, 0.5 m from the axis."""
+    still = person("standing", 0.8, 0.5, 0.4)
+    arm = Capsule(np.array([0.8, 0.72, 1.4]), np.array([0.8, 1.15, 2.05]), 0.045)
+    crowns = []
+    for thing in (still, Thing("person", (*still.shapes, arm))):
+        depth_m, table = DepthScene((thing,), 6.0).render(np.random.default_rng(1))[0], RayTable.of(KINECT_2)
+        cloud = table.cloud(depth_m, 2, FLOOR.nearest_m, FLOOR.farthest_m)
+        floor = find_floor(cloud.points_m, FLOOR, np.random.default_rng(0))
+        assert floor is not None
+        clusters = [c for c in find_clusters(cloud, floor, ClusterConfig()) if c.trunk_m is not None]
+        (region,) = find_regions(clusters, cloud, depth_m, floor, table, Registration.of(KINECT_2, KINECT_2))
+        assert region is not None and region.crown is not None
+        crowns.append(region.crown)
+    assert np.linalg.norm(crowns[0].middle_px - crowns[1].middle_px) * 4.5 / KINECT_2.fx_px < 0.15
+
+
 def test_two_cameras_side_by_side():
     """The colour camera sits to the right (body y of the mounting that looks along body z) and sees more pixels."""
     colour = replace(WIDE, body_p_camera_m=(BASELINE_M, 0.0, 0.0))
