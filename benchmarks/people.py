@@ -118,10 +118,10 @@ def fly(number: int, seed: int, quick: bool) -> Flown:
     """Fly one; runs in a process of its own."""
     cv2.setNumThreads(1)
     flight = FLIGHTS[number - 1]
-    frames = flight.quick_frames if quick else flight.frames
+    rate_hz, frames = flight.pictures(quick)
     take = flight.make(np.random.default_rng((seed, number, 17)), 100 * seed + number)
-    search, flown, started = pipeline(flight.rate_hz), Flown(flight), time.perf_counter()
-    for index, shot in enumerate(shots(take, flight.rate_hz, frames, 100 * seed + number)):
+    search, flown, started = pipeline(rate_hz), Flown(flight), time.perf_counter()
+    for index, shot in enumerate(shots(take, rate_hz, frames, 100 * seed + number)):
         flown.pictures.append(Seen(shot.people, claims_of(search, shot)))
         if _shares is not None:
             _shares[number - 1] = (index + 1) / frames
@@ -147,7 +147,7 @@ def _fly_all(settings: Settings) -> list[Flown]:
     for name in ("LP_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ[name] = "1"  # Mesa and BLAS take every core otherwise, in every process
     context = get_context("spawn")
-    wanted = sorted(FLIGHTS, key=lambda f: -(f.quick_frames if settings.quick else f.frames))
+    wanted = sorted(FLIGHTS, key=lambda f: -f.pictures(settings.quick)[1])
     shares = context.Array("d", len(FLIGHTS))
     with ProcessPoolExecutor(os.cpu_count(), context, _share_progress, (shares,)) as pool:
         futures = {pool.submit(fly, f.number, settings.seed, settings.quick): f for f in wanted}
@@ -160,7 +160,7 @@ def _fly_all(settings: Settings) -> list[Flown]:
 
 def _report(shares: SynchronizedArray[float], quick: bool, done: Sequence[Flight]) -> None:
     """A bar on a terminal, a line for each flight that is done elsewhere."""
-    frames = np.array([f.quick_frames if quick else f.frames for f in FLIGHTS], float)
+    frames = np.array([f.pictures(quick)[1] for f in FLIGHTS], float)
     share = float(frames @ np.array(shares[:]) / frames.sum())
     if sys.stderr.isatty():
         print(f"\r[{'#' * round(40 * share):40}] {share:4.0%}", end="", file=sys.stderr, flush=True)

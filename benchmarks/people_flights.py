@@ -55,10 +55,16 @@ class Flight:
     """Pictures a second."""
     frames: int
     """Its length."""
-    quick_frames: int
-    """Its length with `--quick`."""
+    quick_every: int
+    """With `--quick` only every n-th picture is taken: all that happens, in as many seconds, at a lower rate. (Its
+    first seconds alone would be harder than the whole: who waits for a first look does so once.)"""
     make: Callable[[np.random.Generator, int], Take]
     """Draws scene and flight."""
+
+    def pictures(self, quick: bool) -> tuple[float, int]:
+        """Pictures a second, and how many."""
+        every = self.quick_every if quick else 1
+        return self.rate_hz / every, -(-self.frames // every)
 
 
 @dataclass(frozen=True)
@@ -272,9 +278,9 @@ def _fast_passes(rng: np.random.Generator, seed: int) -> Take:
 
 
 FLIGHTS: tuple[Flight, ...] = (
-    Flight(1, 15.0, 221, 80, _hover_over_static),
-    Flight(2, 30.0, 251, 100, _hover_over_moving),
-    Flight(3, 15.0, 120, 90, _fast_pass),
-    Flight(4, 15.0, 645, 180, _fast_passes),
+    Flight(1, 15.0, 221, 3, _hover_over_static),
+    Flight(2, 30.0, 251, 3, _hover_over_moving),
+    Flight(3, 15.0, 120, 1, _fast_pass),
+    Flight(4, 15.0, 645, 3, _fast_passes),
 )
 """Rates and lengths of the paper's Table 1."""

@@ -87,3 +87,11 @@ def test_the_sensor_gives_a_picture_depth_and_the_truth():
     assert sum(p.counts for p in first.people) >= 4
     assert second.t_ns - first.t_ns == pytest.approx(1e9 / 15, abs=1)
     assert 0.0 < np.linalg.norm(first.ned_p_m - take.motion(0.0).ned_p_m) < 0.5, "the vehicle is a little wrong"
+
+
+def test_quick_flights_are_as_long_in_time():
+    for flight in FLIGHTS:
+        (rate_hz, frames), (quick_hz, few) = flight.pictures(quick=False), flight.pictures(quick=True)
+        assert (rate_hz, frames) == (flight.rate_hz, flight.frames)
+        assert few <= frames and (few - 1) / quick_hz == pytest.approx((frames - 1) / rate_hz, abs=0.2)
+    assert sum(f.pictures(quick=True)[1] for f in FLIGHTS) < 500
