@@ -19,6 +19,7 @@ from onboard.fusion.center import Fused, Fusion
 from onboard.fusion.characters import source_of
 from onboard.fusion.config import FusionConfig
 from onboard.fusion.members import Answer
+from onboard.fusion.riding import Riding
 from onboard.fusion.source import Measurement
 from onboard.fusion.witness import Verdict, Witness, agreed
 
@@ -52,6 +53,7 @@ class PictureFusion:
         self._fusion = Fusion([source_of(name) for name in names], config)
         self._several = len(set(names)) > 1
         self._witness = Witness(self.grey, box, t_ns, len(set(names)))
+        self._riding = Riding()
         self._camera = CameraMotion()
         self._camera.see(self.grey, t_ns)
         self._given: dict[str, int] = {}
@@ -106,6 +108,7 @@ class PictureFusion:
             if answer.result.state == "tracking" and name in self.said and self.said[name][1].state != "tracking":
                 self._fusion.forget(name)  # it has found the target again, maybe elsewhere
             self.said[name] = (answer.t_ns, answer.result)
+            self._riding.hear(name, answer.t_ns, sees=answer.result.state == "tracking")
         verdict = self._judge(answers)
         measurements = []
         for name, answer in answers.items():
@@ -125,6 +128,7 @@ class PictureFusion:
     def put(self, name: str) -> None:
         """A tracker was put on the answer in the newest picture."""
         self.given(name)
+        self._riding.moved(name)
         self._fusion.forget(name)
 
     def _judge(self, answers: Mapping[str, Answer]) -> Verdict:
@@ -133,7 +137,8 @@ class PictureFusion:
         if not now:
             return Verdict()
         boxes = {name: upright_box(result) for name, result in now.items() if result.state == "tracking"}
-        verdict = self._witness.judge(self.grey, boxes, self._several, self.fused, self._t_ns, self._foreseen)
+        riding = self._riding.alone(self.grey, self._t_ns, self.place_px, boxes)
+        verdict = self._witness.judge(self.grey, boxes, self._several, self.fused, self._t_ns, self._foreseen, riding)
         for name in verdict.begun:
             self._fusion.forget(name, follow=True)
         return verdict

@@ -22,6 +22,8 @@ _APART = 0.2
 """Overlap with the answer below which it is at another thing."""
 _SURELY = 0.7
 """Mean likeness above which those who agree surely are at the target."""
+_FAR_MORE = 0.25
+"""By how much more alike one elsewhere must be to outshine who is at the answer."""
 _TOGETHER = 0.5
 """Overlap of trackers that agree."""
 _FORESEEN, _FORESEEN_GROWN = 0.7, 0.35
@@ -99,6 +101,24 @@ def rivals(similar: Mapping[str, float], boxes: Mapping[str, Box], last: Box) ->
         return group if mean > _SURELY else frozenset()
     lead = mean - sum(similar[n] for n in there) / len(there)
     return group if lead > (_CLEARLY if len(group) <= len(there) else -_CLEARLY) else frozenset()
+
+
+def outshining(similar: Mapping[str, float], boxes: Mapping[str, Box], last: Box) -> frozenset[str]:
+    """The tracker elsewhere, and who agree with it, that surely looks like the target, and far more so than all there.
+
+    Nobody, where nobody is at the answer.
+
+    Args:
+        similar: likeness of each tracker's box, 0 to 1.
+        boxes: the same trackers' boxes, px.
+        last: the answer, moved with the picture, px.
+    """
+    there = max((similar[name] for name, box in boxes.items() if jaccard(box, last) > _THERE), default=1.0)
+    away = {name: similar[name] for name, box in boxes.items() if jaccard(box, last) < _APART}
+    best = max(away, key=lambda name: away[name], default="")
+    if away.get(best, 0.0) < max(_SURELY, there + _FAR_MORE):
+        return frozenset()
+    return frozenset(name for name in away if jaccard(boxes[name], boxes[best]) > _TOGETHER)
 
 
 def _center(box: Box) -> tuple[float, float]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -16,10 +17,14 @@ from common.tracking.base import Box
 from onboard.fusion.center import Fused
 from onboard.fusion.doubt import ALONE_UNLIKE, CLEARLY, SURELY, doubted, found_alone, same_as
 from onboard.fusion.look import Look
-from onboard.fusion.prior import as_foreseen, elsewhere, out_of_reach, rivals
+from onboard.fusion.prior import as_foreseen, elsewhere, out_of_reach, outshining, rivals
 
 _ALONE_THERE_UNLIKE = 0.4
 """Least relative similarity of a tracker that is alone, and is where the answer was: it has not gone elsewhere."""
+_RIDING_UNLIKE = 0.1
+"""The same of one that has followed it ever since two agreed, with a thing in its box that moves as the box does."""
+_ALONE_S, _OUTSHONE_S = 0.25, 0.15
+"""How long no two must have agreed, and another have looked far more like the target, for that one to be followed."""
 _FOUND_UNLIKE = 0.6
 """The same of one that is alone after the answer had rested on nobody: it has found something, maybe what covers it."""
 _BROKEN_S = 0.15
@@ -66,7 +71,7 @@ class Witness:
         self._firm = min(_FIRM, trackers)
         self._supported_ns = t_ns
         self._chosen: str | None = None
-        self._agreed_ns = self._alone_ns = t_ns
+        self._agreed_ns = self._alone_ns = self._dull_ns = t_ns
         self._broken = False
         """Whether the answer has rested on nobody since two trackers, or a sure look, last spoke for it."""
         self._spoke: dict[str, int] = {}
@@ -83,6 +88,7 @@ class Witness:
         fused: Fused | None,
         t_ns: int,
         foreseen: Box | None = None,
+        riding: Mapping[str, int] = MappingProxyType({}),
     ) -> Verdict:
         """Compare the boxes that trackers report in a picture with what the target has looked like.
 
@@ -93,6 +99,7 @@ class Witness:
             fused: the last fused answer; None before any.
             t_ns: stamp of the picture, ns.
             foreseen: where the target's motion over ground leads one to expect it, px; None: unknown.
+            riding: since when each tracker has seen the target without a break whose box's content moves with it, ns.
         """
         fused = None if fused is None or fused.state == "waiting" else fused
         if fused is not None and fused.state != "tracking" and t_ns - self._supported_ns >= _BROKEN_S * 1e9:
@@ -100,7 +107,7 @@ class Witness:
         self._found |= fused is not None and self._undecided(fused, t_ns)
         self._look.see(grey, t_ns)
         similar = {name: self._look.likeness_in_seen(grey, box) for name, box in boxes.items()}
-        overruling = self._overruling(similar, boxes, fused) if foreseen is None else frozenset()
+        overruling = self._overruling(similar, boxes, fused, t_ns) if foreseen is None else frozenset()
         if overruling:
             return Verdict(frozenset(), frozenset(boxes.keys() - overruling), tuple(sorted(overruling)))
         others = frozenset() if fused is None else self._others(similar, boxes, several, fused, t_ns, foreseen)
@@ -111,20 +118,41 @@ class Witness:
         among = None if fused is None or not several else _box_of(fused)
         begun = majority or self._choose(similar, boxes, fused, t_ns) or found_alone(similar, boxes, among)
         heard = boxes.keys() if self._chosen is None else {self._chosen, *same_as(self._chosen, boxes)}
-        least = _FOUND_UNLIKE if self._broken else _ALONE_THERE_UNLIKE
+        least = self._least_alone(boxes, riding if foreseen is None else {})
         doubts = doubted(similar, boxes, among, least, foreseen)
         return Verdict(doubts, others | (boxes.keys() - heard), begun)
 
-    def _overruling(
-        self, similar: Mapping[str, float], boxes: Mapping[str, Box], fused: Fused | None
-    ) -> frozenset[str]:
-        """Trackers that agree elsewhere than an answer which was lost or found again, and look more like the target.
+    def _least_alone(self, boxes: Mapping[str, Box], riding: Mapping[str, int]) -> float:
+        """Least likeness of a tracker that is alone, and is where the answer was, for not being doubted.
 
-        What was followed is the target, whatever it looks like; what was found may be another thing.
+        Little, of one that was among the last who agreed, has followed ever since, and whose box holds a thing that
+        moves: a target that has turned away looks like nothing that is known.
         """
-        if fused is None or fused.state == "lost" or not self._found:
+        (name,) = boxes if len(boxes) == 1 else ("",)
+        if riding.get(name, self._agreed_ns + 1) <= self._agreed_ns:
+            return _RIDING_UNLIKE
+        return _FOUND_UNLIKE if self._broken else _ALONE_THERE_UNLIKE
+
+    def _overruling(
+        self, similar: Mapping[str, float], boxes: Mapping[str, Box], fused: Fused | None, t_ns: int
+    ) -> frozenset[str]:
+        """Trackers elsewhere than an answer on which few agree, and that look more like the target.
+
+        What was followed is the target, whatever it looks like; what was found may be another thing, and two that
+        agree elsewhere may overrule it. One by itself may where the answer has rested on one alone for long, and the
+        other one's look leaves no doubt.
+        """
+        if fused is None or fused.state == "lost":
             return frozenset()
-        return rivals(similar, boxes, _box_of(fused))
+        last = _box_of(fused)
+        alone = frozenset[str]()
+        if fused.state == "tracking" and t_ns - self._agreed_ns >= _ALONE_S * 1e9:
+            alone = outshining(similar, boxes, last)
+        if not alone:
+            self._dull_ns = t_ns
+        if t_ns - self._dull_ns >= _OUTSHONE_S * 1e9:
+            return alone
+        return rivals(similar, boxes, last) if self._found else frozenset()
 
     def _others(
         self,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from common.tracking.base import Box
-from onboard.fusion.prior import as_foreseen, elsewhere, out_of_reach, rivals
+from onboard.fusion.prior import as_foreseen, elsewhere, out_of_reach, outshining, rivals
 
 LAST: Box = (100.0, 100.0, 40.0, 40.0)
 NEAR: Box = (110.0, 95.0, 40.0, 40.0)
@@ -45,3 +45,11 @@ def test_two_that_agree_elsewhere_overrule_those_at_the_answer_if_they_look_more
     assert rivals({"a": 0.9, "b": 0.8}, nobody, LAST) == {"a", "b"}, "nobody is there, and they surely look like it"
     assert not rivals({"a": 0.6, "b": 0.7}, nobody, LAST)
     assert not rivals({"here": 0.2, "a": 0.9}, {"here": NEAR, "a": TWIN}, LAST), "one alone overrules nobody"
+
+
+def test_one_elsewhere_outshines_those_at_the_answer_only_if_it_surely_is_the_target_and_they_hardly() -> None:
+    boxes: dict[str, Box] = {"here": NEAR, "a": TWIN, "b": TWIN}
+    assert outshining({"here": 0.55, "a": 0.9, "b": 0.6}, boxes, LAST) == {"a", "b"}
+    assert not outshining({"here": 0.7, "a": 0.9, "b": 0.6}, boxes, LAST), "that may be it, too"
+    assert not outshining({"here": 0.3, "a": 0.65, "b": 0.6}, boxes, LAST), "no more than likely"
+    assert not outshining({"a": 0.9, "b": 0.9}, {"a": TWIN, "b": TWIN}, LAST), "nobody is there: it may have gone on"

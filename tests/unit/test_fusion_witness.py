@@ -180,3 +180,31 @@ def _place_of(fused: Fused) -> tuple:
 
 def _rest(fused: Fused) -> tuple:
     return fused.rate, fused.covariance, fused.confidence, fused.sources, fused.restart
+
+
+def test_one_that_has_followed_since_two_agreed_with_what_moves_in_its_box_is_believed_though_it_has_turned() -> None:
+    turned, tracking = GREY.copy(), _fused("tracking", 1.0, 0.1)
+    turned[80:110, 100:140] = 0.2 * GREY[80:110, 100:140] + 0.8 * GREY[200:230, 20:60]
+    ever_since: dict[str, int] = {"a": 0}
+    witness = Witness(GREY, BOX, 0)
+    assert 0.1 < witness.likeness(turned, BOX) < 0.3
+    assert not witness.judge(turned, {"a": BOX}, True, tracking, 50_000_000, riding=ever_since).doubted
+    assert witness.judge(turned, {"a": BOX}, True, tracking, 50_000_000).doubted == {"a"}
+    lost_since = {"a": 20_000_000}
+    assert witness.judge(turned, {"a": BOX}, True, tracking, 50_000_000, riding=lost_since).doubted == {"a"}
+    assert witness.judge(GREY, {"a": NEARBY}, True, tracking, 50_000_000, riding=ever_since).doubted == {"a"}
+    assert not witness.vouches(turned, BOX, tracking), "but nobody is put on it"
+
+
+def test_where_the_answer_rests_on_one_for_long_another_that_surely_is_the_target_is_followed() -> None:
+    at_twin = Fused(0, "tracking", np.array([240.0, 165.0, 30.0, 40.0]), *_rest(_fused("tracking", 0.9, 0.0)))
+    boxes: dict[str, Box] = {"there": ELSEWHERE, "a": BOX}
+    witness = Witness(GREY, BOX, 0)
+    begun = {k: witness.judge(GREY, boxes, True, at_twin, k * 50_000_000).begun for k in range(1, 10)}
+    assert [k for k, names in begun.items() if names] == [7, 8, 9], (
+        "alone for 0.25 s, and of that look since the last picture before"
+    )
+    assert set(begun[7]) == {"a"}
+    foreseen = Witness(GREY, BOX, 0)
+    for k in range(1, 10):
+        assert not foreseen.judge(GREY, boxes, True, at_twin, k * 50_000_000, ELSEWHERE).begun
