@@ -90,7 +90,7 @@ def _word(name: str) -> str:
 
 def _fly(name: str, seed: int, frames: int, dense: bool) -> Score:
     course = follow_uav.Course(seed, frames, dense)
-    return follow_uav.follow(course, _tracker(name, (seed, 1)), follow_uav.Quadrotor(seed))
+    return follow_uav.follow(course, _tracker(name, (seed, 1)), follow_uav.Quadrotor(seed), follow_uav.depth_eye(seed))
 
 
 def _uav(config: Config, settings: Settings) -> dict[str, float]:

@@ -127,7 +127,8 @@ class Hall:
         rng = np.random.default_rng((seed, 31))
         floor = _floor(rng)
         self._atlas = np.vstack([_wall(rng), np.hstack([floor, (floor * 0.3 + 130).astype(np.uint8)])])
-        self._half = np.array([*half_m, height_m])
+        self.half_m = np.array([*half_m, height_m])
+        """From the middle of the floor to the walls north and east, and to the ceiling, (3,), m."""
         self._rng = np.random.default_rng((seed, 32))
         self._sigma = noise
         self._noise = np.zeros((0, 0, 3), np.int8)
@@ -156,31 +157,62 @@ class Hall:
     def _background(self, lens: Lens) -> np.ndarray:
         c = lens.camera
         out = np.empty((c.height, c.width, 3), np.uint8)
-        _cast(self._atlas, lens.axes(), lens.ned_p_m, self._half, c.fx_px, (c.cx_px, c.cy_px), out)
+        _cast(self._atlas, lens.axes(), lens.ned_p_m, self.half_m, c.fx_px, (c.cx_px, c.cy_px), out)
         return out
 
 
-def _draw(frame: np.ndarray, lens: Lens, thing: Thing, where: Shown) -> None:
-    aspect = lens.aspect_rad(thing)
-    seen, mask = thing.solid.picture(aspect)
+class _Laid(NamedTuple):
+    """Where a solid's picture is laid over a frame."""
+
+    part: tuple[slice, slice]
+    """Rows and columns of the frame."""
+    matrix: Array
+    """Affine map (2, 3) from the solid's picture to that part."""
+
+
+def _laid(shape: tuple[int, ...], lens: Lens, thing: Thing, where: Shown, drawn: tuple[int, ...]) -> _Laid | None:
+    """Of a thing whose picture is `drawn` (rows, columns); None where that is outside the frame."""
     x, y, width, height = where.box
-    rows, columns = seen.shape[:2]
+    rows, columns = drawn[:2]
     up = lens.axes() @ np.array([0.0, 0.0, -1.0])
     lean = math.atan2(up[0], -up[1]) + thing.lean_rad
     scale_y = lens.camera.fx_px / where.depth_m * thing.solid.height_m / rows
-    scale_x = scale_y * thing.solid.squeeze(aspect)
+    scale_x = scale_y * thing.solid.squeeze(lens.aspect_rad(thing))
     c, s = math.cos(lean), math.sin(lean)
     reach = math.hypot(width, height) / 2 + 2
     centre = (x + width / 2, y + height / 2)
     left, top = max(0, int(centre[0] - reach)), max(0, int(centre[1] - reach))
-    window = frame[top : max(0, int(centre[1] + reach)), left : max(0, int(centre[0] + reach))]
-    if window.size == 0:
-        return
+    right, bottom = min(shape[1], int(centre[0] + reach)), min(shape[0], int(centre[1] + reach))
+    if right <= left or bottom <= top:
+        return None
     matrix = np.array([[c * scale_x, -s * scale_y, centre[0] - left], [s * scale_x, c * scale_y, centre[1] - top]])
     matrix[:, 2] -= matrix[:, :2] @ [(columns - 1) / 2, (rows - 1) / 2]
+    return _Laid((slice(top, bottom), slice(left, right)), matrix)
+
+
+def _draw(frame: np.ndarray, lens: Lens, thing: Thing, where: Shown) -> None:
+    seen, mask = thing.solid.picture(lens.aspect_rad(thing))
+    laid = _laid(frame.shape, lens, thing, where, seen.shape)
+    if laid is None:
+        return
+    window = frame[laid.part]
     size = (window.shape[1], window.shape[0])
-    inside = cv2.warpAffine(mask, matrix, size, flags=cv2.INTER_LINEAR) > 127
-    window[inside] = cv2.warpAffine(seen, matrix, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)[inside]
+    inside = cv2.warpAffine(mask, laid.matrix, size, flags=cv2.INTER_LINEAR) > 127
+    drawn = cv2.warpAffine(seen, laid.matrix, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    window[inside] = drawn[inside]
+
+
+def silhouette(
+    shape: tuple[int, ...], lens: Lens, thing: Thing, where: Shown
+) -> tuple[tuple[slice, slice], np.ndarray] | None:
+    """Rows and columns of a picture of a shape, and which pixels there show a thing; None where it is outside."""
+    mask = thing.solid.mask
+    laid = _laid(shape, lens, thing, where, mask.shape)
+    if laid is None:
+        return None
+    rows, columns = laid.part
+    size = (columns.stop - columns.start, rows.stop - rows.start)
+    return laid.part, cv2.warpAffine(mask, laid.matrix, size, flags=cv2.INTER_LINEAR) > 127
 
 
 def _wall(rng: np.random.Generator) -> np.ndarray:

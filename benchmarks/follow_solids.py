@@ -31,7 +31,8 @@ class Solid:
         rows, around = surface.shape[0], surface.shape[1]
         columns = 2 * math.ceil(self._radius * rows) + 2
         across = (np.arange(columns) - (columns - 1) / 2)[None, :] / (profile[:, None] * rows)
-        self._mask = (np.abs(across) < 1.0).astype(np.uint8) * 255
+        self.mask = (np.abs(across) < 1.0).astype(np.uint8) * 255
+        """What of its picture is it, (rows, columns), 255 or 0."""
         angle = np.arcsin(np.clip(across, -1.0, 1.0))
         self._shade = (0.55 + 0.45 * np.cos(angle)).astype(np.float32)[..., None]
         self._column = angle / (2 * math.pi) * around
@@ -44,7 +45,7 @@ class Solid:
         seen = cv2.remap(
             self._surface, columns.astype(np.float32), self._row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP
         )
-        return (seen * self._shade).astype(np.uint8), self._mask
+        return (seen * self._shade).astype(np.uint8), self.mask
 
     def width_m(self, aspect_rad: float) -> float:
         """Width as seen when turned by an angle."""

@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 
 from benchmarks.follow_course import RATE_HZ, Course
+from benchmarks.follow_depth import DepthEye
 from benchmarks.follow_scene import Lens, camera, hidden_share
 from benchmarks.follow_score import Score, box_of
 from common.geometry.rotation import euler_from_quat
@@ -38,6 +39,15 @@ _SIZE_PX, _FIELD_RAD = (320, 240), math.radians(70.0)
 _EYE_M = 1.5
 _DOWN_RAD = math.radians(10.0)  # a person 4 m ahead has as much room below his feet as above his head
 _HEADROOM_M = 60.0
+
+
+def depth_eye(seed: int) -> DepthEye:
+    """Its depth camera.
+
+    Args:
+        seed: of the sensor's noise.
+    """
+    return DepthEye(_SIZE_PX, _FIELD_RAD, _DOWN_RAD, seed)
 
 
 @cache
@@ -108,10 +118,16 @@ class Quadrotor:
             self._vehicle.step()
 
 
-def follow(course: Course, tracker: Tracker, quadrotor: Quadrotor) -> Score:
+def follow(course: Course, tracker: Tracker, quadrotor: Quadrotor, depth: DepthEye | None) -> Score:
     """Follow the person until he is lost, or to the end.
 
     Each picture's request reaches the vehicle one picture later.
+
+    Args:
+        course: the person's way, and what happens on it.
+        tracker: what finds him.
+        quadrotor: what follows him.
+        depth: its depth camera; None: it has none.
     """
     cv2.setNumThreads(1)
     eye = camera(*_SIZE_PX, _FIELD_RAD, RATE_HZ, _DOWN_RAD)
@@ -124,6 +140,7 @@ def follow(course: Course, tracker: Tracker, quadrotor: Quadrotor) -> Score:
         pose, vehicle = quadrotor.known()
         target, others = course.target(index), course.others(index, lens.ned_p_m)
         frame = course.hall.picture(lens, [target, *others], course.light(index, quadrotor.turn_rad_s))
+        depth_m = None if depth is None else depth.picture(course.hall, lens, [target, *others])
         truth = lens.show(target)
         if index == 0:
             if truth is None:
@@ -132,9 +149,9 @@ def follow(course: Course, tracker: Tracker, quadrotor: Quadrotor) -> Score:
             box: Box | None = truth.box
         else:
             if isinstance(tracker, HabDfTracker):
-                tracker.foresee(steering.expected(t_ns, pose))
+                tracker.foresee(steering.expected(t_ns, pose, depth_m))
             box = box_of(tracker.update(frame, t_ns))
-        request = steering.step(t_ns, box, pose, vehicle)
+        request = steering.step(t_ns, box, pose, vehicle, depth_m)
         asked = HOVER if request is None else Verdict("follow", request.vector, request.yaw_rate_rad_s, 0.0)
         stick_rad_s = course.operators_turn_rad_s(index)
         if stick_rad_s is not None:

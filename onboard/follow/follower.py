@@ -114,24 +114,15 @@ class Follower:
             vehicle: the vehicle then, with its rates.
             depth_m: depth picture that belongs to it, (h, w), m, at any size; None without.
         """
-        fused = self.fusion.step(frame, t_ns, self._steering.expected(t_ns, pose))
+        fused = self.fusion.step(frame, t_ns, self._steering.expected(t_ns, pose, depth_m))
         box = self.fusion.box
         seen = box if fused.state == "tracking" else None
-        patch = None if depth_m is None or seen is None else _inside(depth_m, seen, frame.shape)
-        request = self._steering.step(t_ns, seen, pose, vehicle, patch)
+        request = self._steering.step(t_ns, seen, pose, vehicle, depth_m)
         return Followed(_track(fused, self.fusion.sees(t_ns), box, self._steering.why_not), request)
 
     def close(self) -> None:
         """End the trackers."""
         self.fusion.close()
-
-
-def _inside(depth_m: NDArray[np.float64], box: Box, shape: tuple[int, ...]) -> NDArray[np.float64] | None:
-    """Depth inside a box of the colour picture; None where the box is outside."""
-    sy, sx = depth_m.shape[0] / shape[0], depth_m.shape[1] / shape[1]
-    left, right = max(0, int(box[0] * sx)), min(depth_m.shape[1], int((box[0] + box[2]) * sx) + 1)
-    top, bottom = max(0, int(box[1] * sy)), min(depth_m.shape[0], int((box[1] + box[3]) * sy) + 1)
-    return depth_m[top:bottom, left:right] if right > left and bottom > top else None
 
 
 def _track(fused: Fused, seen: bool, box: Box | None, reason: str) -> Track:

@@ -14,6 +14,7 @@ from onboard.follow.config import FollowConfig
 from onboard.follow.law import FollowLaw, Vehicle
 from onboard.follow.sight import Sight, TargetPlace, in_camera, looks_ahead, whole_from_m
 from onboard.fusion.depth import DepthConfig
+from onboard.fusion.foreseen import Foreseen, core_of
 from onboard.proximity.pose import Pose
 
 Array = NDArray[np.float64]
@@ -22,8 +23,11 @@ _NEAREST_M = 0.3
 _ASIDE_M, _ASIDE_M_S2 = 0.5, 1.5
 """How far beside where he is foreseen he may be, m, and half of the acceleration with which he gets further, m/s²: who
 walks beside him is further off."""
-_SIZE_MEMORY_S = 0.5
-"""Time constant with which the size of what is expected follows the box, s: what slides before it makes it smaller."""
+_SIZE_MEMORY_S = 3.0
+"""Time constant with which the size over ground follows the box, s: what slides before a target makes it smaller, and a
+tracker alone keeps its own size while the target's changes in the picture."""
+_MOST_GROWN = 1.25
+"""How many times as large, or as small, as at the first the size over ground may become."""
 
 
 class Steering:
@@ -54,6 +58,7 @@ class Steering:
         self._sight = Sight(self._camera, self._config, self._depth)
         self._measured_ns = 0
         self._size_m: Array | None = None
+        self._first_size_m = np.ones(2)
         self.why_not = ""
         """Why nothing is asked; empty while something is."""
 
@@ -61,14 +66,15 @@ class Steering:
         """The last request was not flown, but maybe another velocity. See `FollowLaw.restart`."""
         self._law.restart(ned_v_m_s, t_ns)
 
-    def expected(self, t_ns: int, pose: Pose | None) -> Box | None:
-        """Where a picture should show the target by its own motion over ground and the vehicle's, px.
+    def expected(self, t_ns: int, pose: Pose | None, depth_m: Array | None = None) -> Foreseen | None:
+        """Where a picture should show the target by its own motion over ground and the vehicle's, and what is there.
 
         None without a target or a pose, behind the camera, or once it has been away for too long.
 
         Args:
             t_ns: capture stamp of the picture, ns.
             pose: the vehicle then.
+            depth_m: depth picture that belongs to it, (h, w), m, 0 for none, at any size; None without a depth camera.
         """
         state = self._place.at(t_ns)
         if state is None or pose is None or self._size_m is None:
@@ -79,7 +85,8 @@ class Steering:
         if seen[2] < _NEAREST_M:
             return None
         (u, v), (width, height) = self._camera.project(seen[None])[0], self._size_m / seen[2]
-        return float(u - width / 2), float(v - height / 2), float(width), float(height)
+        box = float(u - width / 2), float(v - height / 2), float(width), float(height)
+        return Foreseen(box, float(seen[2]), self._gone_m(t_ns), depth_m, (self._camera.height, self._camera.width))
 
     def step(
         self,
@@ -96,7 +103,7 @@ class Steering:
             box: x, y, width, height of the target in it, px; None while it is not seen.
             pose: the vehicle then; None while unknown.
             vehicle: the vehicle then, with its rates.
-            depth_m: depth inside the box, (h, w), m, 0 for none; None without a depth camera.
+            depth_m: depth picture that belongs to it, (h, w), m, 0 for none, at any size; None without a depth camera.
         """
         self.why_not = "" if pose is not None and vehicle is not None else "no vehicle state for this picture"
         if box is not None and pose is not None:
@@ -119,12 +126,28 @@ class Steering:
         return abs(across) / max(float(np.hypot(*where)), 1e-6)
 
     def _reach_m(self, t_ns: int) -> float:
-        """How far aside of where he is foreseen somebody can have stepped since he was last seen, m."""
+        """How far aside of where he is foreseen somebody can be, m."""
+        return _ASIDE_M + self._gone_m(t_ns)
+
+    def _gone_m(self, t_ns: int) -> float:
+        """How far from where he is foreseen somebody can have got since he was last seen, m."""
         away_s = (t_ns - self._measured_ns) * 1e-9
-        return _ASIDE_M + _ASIDE_M_S2 * away_s**2
+        return _ASIDE_M_S2 * away_s**2
+
+    def _core(self, t_ns: int, box: Box, pose: Pose, depth_m: Array | None) -> Array | None:
+        """Depth of the target in the middle of a box, (h, w), m, 0 where something else is there; None without any."""
+        if depth_m is None:
+            return None
+        state, about_m = self._place.at(t_ns), math.nan
+        if state is not None and t_ns - self._measured_ns <= self._config.coast_s * 1e9:
+            about_m = float(in_camera(self._camera, pose, state.ned_p_m)[2])
+        return core_of(depth_m, box, (self._camera.height, self._camera.width), about_m, self._gone_m(t_ns))
 
     def _look(self, t_ns: int, box: Box, pose: Pose, depth_m: Array | None) -> None:
-        found = self._sight.place(t_ns, box, pose, depth_m)
+        foreseen = self.expected(t_ns, pose, depth_m)
+        if foreseen is not None and foreseen.excluded({"it": box}):
+            return  # what is there is nearer or farther than he can be
+        found = self._sight.place(t_ns, box, pose, self._core(t_ns, box, pose, depth_m))
         if found is None:
             self.why_not = self._sight.why_not
             return
@@ -136,5 +159,8 @@ class Steering:
         self._place.measure(found, t_ns)
         size_m = np.array(box[2:]) * in_camera(self._camera, pose, found)[2]
         share = -math.expm1(-(t_ns - self._measured_ns) * 1e-9 / _SIZE_MEMORY_S)
-        self._size_m = size_m if self._size_m is None else self._size_m + share * (size_m - self._size_m)
+        if self._size_m is None:
+            self._size_m = self._first_size_m = size_m
+        size_m = self._size_m + share * (size_m - self._size_m)
+        self._size_m = np.clip(size_m, self._first_size_m / _MOST_GROWN, self._first_size_m * _MOST_GROWN)
         self._measured_ns = t_ns

@@ -10,6 +10,7 @@ import numpy as np
 from common.tracking.base import Box, check_box, check_frame, upright_around, upright_box
 from onboard.fusion.center import Fused
 from onboard.fusion.config import FusionConfig
+from onboard.fusion.foreseen import Foreseen
 from onboard.fusion.members import Ask, MemberPool
 from onboard.fusion.pictures import PictureFusion, may_move
 
@@ -82,20 +83,20 @@ class LiveHabDf:
         """Take a picture of the past whose answers can be waited for, as `step`."""
         self._step(frame, t_ns, None, _IDLE_S)
 
-    def step(self, frame: np.ndarray, t_ns: int, foreseen: Box | None = None) -> Fused:
+    def step(self, frame: np.ndarray, t_ns: int, foreseen: Foreseen | None = None) -> Fused:
         """Fused answer for a picture from what has been answered so far.
 
         Args:
             frame: the picture, (H, W, 3) uint8 BGR.
             t_ns: its capture stamp, ns.
-            foreseen: where the target's motion over ground leads one to expect it in it, px; None: unknown.
+            foreseen: where the target's motion over ground leads one to expect it in it; None: unknown.
 
         Raises:
             ValueError: no target.
         """
         return self._step(frame, t_ns, foreseen, self._answer_within_s)
 
-    def _step(self, frame: np.ndarray, t_ns: int, foreseen: Box | None, within_s: float) -> Fused:
+    def _step(self, frame: np.ndarray, t_ns: int, foreseen: Foreseen | None, within_s: float) -> Fused:
         fusion = self._fusion
         if fusion is None:
             raise ValueError("fusion: step without a target; select one first")
@@ -109,7 +110,8 @@ class LiveHabDf:
         fused = fusion.hear(answers)
         if fused.state == "tracking":
             self._seen_ns = t_ns
-        self._tend(fusion, replace(fused, restart=fused.restart if fusion.vouched else ()), frame, t_ns)
+        restart = {*fused.restart, *fusion.astray} if fusion.vouched else set()
+        self._tend(fusion, replace(fused, restart=tuple(sorted(restart))), frame, t_ns)
         return fused
 
     def _tend(self, fusion: PictureFusion, fused: Fused, frame: np.ndarray, t_ns: int) -> None:
@@ -135,7 +137,7 @@ class LiveHabDf:
                     fusion.put(name)
             elif (
                 recent
-                and may_move(boxes[name] is not None, fused, box, frame.shape)
+                and may_move(boxes[name] is not None and name not in fusion.astray, fused, box, frame.shape)
                 and member.ask(Ask("place", t_ns, frame.shape, box), frame)
             ):
                 del self._wanted[name]

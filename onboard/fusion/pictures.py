@@ -18,6 +18,7 @@ from onboard.fusion.camera_motion import CameraMotion, expectation
 from onboard.fusion.center import Fused, Fusion
 from onboard.fusion.characters import source_of
 from onboard.fusion.config import FusionConfig
+from onboard.fusion.foreseen import Foreseen
 from onboard.fusion.members import Answer
 from onboard.fusion.riding import Riding
 from onboard.fusion.source import Measurement
@@ -26,6 +27,8 @@ from onboard.fusion.witness import Verdict, Witness, agreed
 _LEAST_SIDE_PX = 6.0
 _DOUBTED = 0.25
 """Confidence of one that is doubted, at most: below its threshold, however sure of itself it is."""
+_ASTRAY_S = 0.3
+"""How long a tracker must have been where, or as large as, the target cannot be for it to be put on the answer, s."""
 
 
 class PictureFusion:
@@ -49,7 +52,8 @@ class PictureFusion:
         self.said: dict[str, tuple[int, TrackResult]] = {}
         """The stamp, ns, and the result of what each tracker said last."""
         self._t_ns = t_ns
-        self._foreseen: Box | None = None
+        self._foreseen: Foreseen | None = None
+        self._astray: dict[str, int] = {}
         self._fusion = Fusion([source_of(name) for name in names], config)
         self._several = len(set(names)) > 1
         self._witness = Witness(self.grey, box, t_ns, len(set(names)))
@@ -74,13 +78,18 @@ class PictureFusion:
         box, fused = self.box, self.fused
         return box is not None and fused is not None and self._witness.vouches(self.grey, box, fused)
 
-    def look(self, frame: np.ndarray, t_ns: int, foreseen: Box | None = None) -> None:
+    @property
+    def astray(self) -> frozenset[str]:
+        """Trackers that have for some time been where, or as large as, the target cannot be, whatever they see."""
+        return frozenset(n for n, since_ns in self._astray.items() if self._t_ns - since_ns >= _ASTRAY_S * 1e9)
+
+    def look(self, frame: np.ndarray, t_ns: int, foreseen: Foreseen | None = None) -> None:
         """Take in the next picture: the answer moves with it.
 
         Args:
             frame: the picture, (H, W, 3) uint8 BGR.
             t_ns: its stamp, ns.
-            foreseen: where somebody who knows the target's motion over ground expects it in it, px; None: nobody does.
+            foreseen: where somebody who knows the target's motion over ground expects it in it; None: nobody does.
         """
         self._foreseen = foreseen
         self.grey, self._t_ns = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), t_ns
@@ -116,7 +125,8 @@ class PictureFusion:
                 measurements.append(Measurement(name, answer.t_ns, None))
             elif answer.result is not None:
                 seen_at, doubted = self._camera.at(answer.t_ns), name in verdict.doubted
-                measurements.append(_measurement_of(name, answer.result, answer.t_ns, seen_at, doubted))
+                fitted = self._fitted(upright_box(answer.result))
+                measurements.append(_measurement_of(name, answer.result, fitted, answer.t_ns, seen_at, doubted))
         fused = self.fused = _shifted(self._fusion.step(measurements, self._t_ns), self.place_px)
         if fused.state == "tracking":
             self._fit(float(fused.value[3]), float(fused.value[2]))
@@ -129,6 +139,7 @@ class PictureFusion:
         """A tracker was put on the answer in the newest picture."""
         self.given(name)
         self._riding.moved(name)
+        self._astray.pop(name, None)
         self._fusion.forget(name)
 
     def _judge(self, answers: Mapping[str, Answer]) -> Verdict:
@@ -136,12 +147,33 @@ class PictureFusion:
         now = {n: a.result for n, a in answers.items() if a.result is not None and a.t_ns == self._t_ns}
         if not now:
             return Verdict()
-        boxes = {name: upright_box(result) for name, result in now.items() if result.state == "tracking"}
-        riding = self._riding.alone(self.grey, self._t_ns, self.place_px, boxes)
-        verdict = self._witness.judge(self.grey, boxes, self._several, self.fused, self._t_ns, self._foreseen, riding)
+        seen = {name: upright_box(result) for name, result in now.items() if result.state == "tracking"}
+        excluded = self._excluded(seen)
+        seen = {name: box for name, box in seen.items() if name not in excluded}
+        riding = self._riding.alone(self.grey, self._t_ns, self.place_px, seen)
+        boxes = {name: self._fitted(box) for name, box in seen.items()}
+        foreseen = None if self._foreseen is None else self._foreseen.box
+        verdict = self._witness.judge(self.grey, boxes, self._several, self.fused, self._t_ns, foreseen, riding)
         for name in verdict.begun:
             self._fusion.forget(name, follow=True)
-        return verdict
+        return replace(verdict, silent=verdict.silent | excluded)
+
+    def _excluded(self, boxes: Mapping[str, Box]) -> frozenset[str]:
+        """Trackers that are at something else, by its distance; notes since when, and who has another size."""
+        if self._foreseen is None:
+            self._astray.clear()
+            return frozenset()
+        excluded = self._foreseen.excluded(boxes)
+        for name, box in boxes.items():
+            if name in excluded or self._foreseen.grown(box) != 0.0:
+                self._astray.setdefault(name, self._t_ns)
+            else:
+                self._astray.pop(name, None)
+        return excluded
+
+    def _fitted(self, box: Box) -> Box:
+        """A tracker's box, no larger and no smaller than the target can look."""
+        return box if self._foreseen is None else self._foreseen.fitted(box)
 
     def _fit(self, width: float, height: float) -> None:
         self._size = (max(width, _LEAST_SIDE_PX), max(height, _LEAST_SIDE_PX))
@@ -170,19 +202,22 @@ def _shifted(fused: Fused, shift_px: np.ndarray) -> Fused:
     return replace(fused, value=value)
 
 
-def _measurement_of(name: str, answer: TrackResult, t_ns: int, place_px: np.ndarray, doubted: bool) -> Measurement:
+def _measurement_of(
+    name: str, answer: TrackResult, box: Box, t_ns: int, place_px: np.ndarray, doubted: bool
+) -> Measurement:
     """A member's answer as u, v, h, w, and its score brought to a threshold of one half, below it when doubted.
 
     Args:
         name: the member's.
         answer: its answer.
+        box: the upright box of that, as large as the target can look, px.
         t_ns: stamp of the picture, ns.
         place_px: where the camera's motion has moved the picture, (2,), px: u and v are those of a still camera.
         doubted: whether its confidence is brought below the threshold.
     """
     if answer.state != "tracking":
         return Measurement(name, t_ns, None)
-    x, y, width, height = upright_box(answer)
+    x, y, width, height = box
     confidence = min(1.0, 0.5 * answer.score / answer.score_limit) if answer.score_limit > 0 else answer.score
     confidence = min(confidence, _DOUBTED) if doubted else confidence
     return Measurement(

@@ -21,6 +21,7 @@ from common.tracking.base import (
 from onboard.fusion.camera_motion import tell
 from onboard.fusion.center import Fused
 from onboard.fusion.config import FusionConfig, HabDfConfig
+from onboard.fusion.foreseen import Foreseen
 from onboard.fusion.members import Answer
 from onboard.fusion.outline import Outline
 from onboard.fusion.pictures import PictureFusion, may_move
@@ -88,9 +89,9 @@ class HabDfTracker:
         for member in self.members.values():
             member.expect(expectation)
 
-    def foresee(self, box: Box | None) -> None:
-        """Say where the target's motion over ground leads one to expect it in the next picture, px; None: unknown."""
-        self._foreseen = box
+    def foresee(self, foreseen: Foreseen | None) -> None:
+        """Say where the target's motion over ground leads one to expect it in the next picture; None: unknown."""
+        self._foreseen = foreseen
 
     def update(self, frame: np.ndarray, t_ns: int) -> TrackResult:
         """Ask every member, fuse their answers, and put those that have drifted back on the fused one."""
@@ -127,8 +128,10 @@ class HabDfTracker:
 
     def _restart(self, fusion: PictureFusion, frame: np.ndarray, box: Box, fused: Fused, t_ns: int) -> None:
         """Put drifted members on the fused answer; one that keeps what it has learned is only moved there."""
-        for name in fused.restart:
-            if not may_move(self.answers[name].state == "tracking", fused, box, frame.shape):
+        astray = fusion.astray
+        for name in sorted({*fused.restart, *astray}):
+            sees = self.answers[name].state == "tracking" and name not in astray
+            if not may_move(sees, fused, box, frame.shape):
                 continue
             member = self.members[name]
             try:

@@ -10,12 +10,14 @@ import pytest
 from benchmarks import follow_course, follow_pan_tilt
 from benchmarks.base import Settings
 from benchmarks.follow import run
+from benchmarks.follow_depth import DepthEye
 from benchmarks.follow_ground import Course, depth_patch
 from benchmarks.follow_scene import Hall, Lens, Light, Thing, camera, hidden_share
 from benchmarks.follow_score import Score, four_distance, overlap
 from benchmarks.follow_solids import bin_, person, pillar
 from common.config import ConfigError
 from common.geometry.rotation import quat_from_euler
+from onboard.fusion.foreseen import core_of
 
 EYE = camera(320, 240, math.radians(70.0))
 HALL = Hall((8.0, 8.0), 1, noise=0.0)
@@ -58,6 +60,23 @@ def test_the_depth_sensor_sees_no_further_than_a_metre() -> None:
         assert float((patch == 0.0).mean()) == pytest.approx(empty, abs=0.1)
         if distance_m < 1.0:
             assert float(np.median(patch[patch > 0])) == pytest.approx(0.8, abs=0.03)
+
+
+def test_the_depth_camera_shows_who_passes_before_the_target_and_the_end_of_its_range() -> None:
+    rng = np.random.default_rng(5)
+    lens = Lens(EYE, np.array([0.0, 0.0, -1.5]), quat_from_euler(0.0, 0.0, 0.0))
+    solid, _ = person(rng)
+    target, passing = Thing(solid, np.array([4.0, 0.0, 0.0])), Thing(solid, np.array([3.0, 0.6, 0.0]))
+    eye = DepthEye((320, 240), math.radians(70.0), 0.0, 6)
+    depth = eye.picture(Hall((9.0, 9.0), 1), lens, [target, passing])
+    assert depth.shape == (120, 160)
+    for thing, distance_m in ((target, 4.0), (passing, 3.0)):
+        shown = lens.show(thing)
+        assert shown is not None
+        core = core_of(depth, shown.box, (240, 320))
+        assert core is not None and float(np.median(core[core > 0.0])) == pytest.approx(distance_m, abs=0.03)
+    assert depth[119, 5] == pytest.approx(1.5 / math.tan(math.atan(59.5 / 114.25)), rel=0.03), "the floor"
+    assert not depth[45:58, 5:40].any(), "the wall is nine metres off"
 
 
 def test_the_course_of_the_ground_robot_is_as_long_as_told() -> None:

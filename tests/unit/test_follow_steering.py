@@ -32,7 +32,8 @@ def _seen(camera: Camera, distance_m: float, pitch_rad: float) -> tuple[Box, Pos
     turn = quat_conjugate(quat_multiply(pose.ned_q_body, camera.body_q_camera))
     ends = [quat_rotate(turn, np.array([distance_m, 0.0, down_m])) for down_m in (EYE_M - TALL_M, EYE_M)]
     (u, top), (_, foot) = camera.project(np.array(ends))
-    return (float(u) - 15.0, float(top), 30.0, float(foot - top)), pose
+    tall = float(foot - top)
+    return (float(u) - 0.15 * tall, float(top), 0.3 * tall, tall), pose
 
 
 @pytest.mark.parametrize("down_rad", [0.0, 0.17, 0.4])
@@ -109,7 +110,7 @@ def test_who_goes_out_of_sight_is_not_flown_at_for_long_since_he_may_have_stoppe
             vehicle = np.array([request.vector[0], 0.0, 0.0])
             flown_m += request.vector[0] / 30
         asked.append((flown_m, request.vector[0]))
-    assert asked[0][0] < asked[1][0] - 1.0 and abs(asked[0][1]) < 0.4 < asked[1][1]
+    assert asked[0][0] < asked[1][0] - 1.0 and abs(asked[0][1]) < asked[1][1] / 2
 
 
 def test_it_says_where_the_next_picture_should_show_the_target_whatever_the_nose_does() -> None:
@@ -121,14 +122,33 @@ def test_it_says_where_the_next_picture_should_show_the_target_whatever_the_nose
         truth, pose = _seen(camera, distance_m + 1.0 / 30, pitch_rad)
         expected = steering.expected(t_ns + S // 30, pose)
         assert expected is not None
-        off = [
-            e + s / 2 - t - u / 2 for e, s, t, u in zip(expected[:2], expected[2:], truth[:2], truth[2:], strict=True)
-        ]
-        assert math.hypot(*off) < 4.0 and expected[3] == pytest.approx(truth[3], rel=0.1)
+        box = expected.box
+        off = [e + s / 2 - t - u / 2 for e, s, t, u in zip(box[:2], box[2:], truth[:2], truth[2:], strict=True)]
+        assert math.hypot(*off) < 4.0 and box[3] == pytest.approx(truth[3], rel=0.1)
     behind = Pose(np.array([distance_m + 3.0, 0.0, -EYE_M]), quat_from_euler(0.0, 0.0, 0.0))
     assert steering.expected(t_ns + S // 30, behind) is None
     assert steering.expected(t_ns, None) is None
     assert steering.expected(t_ns + 3 * S, _seen(camera, distance_m, 0.0)[1]) is None, "away for too long"
+
+
+def test_with_a_depth_camera_a_box_that_does_not_shrink_with_the_target_takes_nobody_nearer() -> None:
+    camera = _camera(0.17)
+    steering = Steering(FollowConfig(), DepthConfig(), camera)
+    vehicle = Vehicle(np.zeros(3), np.zeros(3), 0.0, 0.0)
+    for k in range(60):
+        distance_m = 5.0 + k / 30
+        box, pose = _seen(camera, distance_m, 0.0)
+        large = _seen(camera, 5.0, 0.0)[0]
+        kept = (box[0], box[1] + (box[3] - large[3]) / 2, *large[2:])
+        steering.step(S + k * S // 30, kept, pose, vehicle, np.full((120, 160), distance_m))
+    expected = steering.expected(S + 60 * S // 30, pose, np.zeros((120, 160)))
+    assert expected is not None and expected.distance_m == pytest.approx(7.0, abs=0.15) and not expected.reach_m > 0.01
+    assert expected.fitted(kept)[3] < 1.47 * box[3] < 0.98 * 1.47 * kept[3]
+    passing = np.full((120, 160), 5.9)
+    for k in range(60, 75):
+        steering.step(S + k * S // 30, kept, pose, vehicle, passing)
+    state = steering.expected(S + 75 * S // 30, pose)
+    assert state is not None and state.distance_m > 6.2, "who passes before him does not tell how far he is"
 
 
 def test_above_a_target_that_is_out_of_sight_its_motion_goes_on() -> None:

@@ -9,6 +9,7 @@ from common.config import ConfigError, build
 from common.processes import load_config
 from common.tracking.base import Box, Expectation, TrackResult, TrackState
 from onboard.fusion.config import FusionConfig, HabDfConfig
+from onboard.fusion.foreseen import Foreseen
 from onboard.fusion.tracker import HabDfTracker
 
 FRAME = np.random.default_rng(0).integers(0, 255, (240, 320, 3), np.uint8)
@@ -85,6 +86,25 @@ def test_drifted_member_is_outvoted_then_started_anew_and_a_placeable_one_only_m
     assert len(members[1].started) == 2
     assert members[1].started[1] == pytest.approx(BOX, abs=1.0)
     assert len(members[0].started) == 1
+
+
+def test_a_member_where_the_target_cannot_be_is_not_heard_and_is_put_back_though_it_sees_one() -> None:
+    members = Movable(), Movable()
+    tracker = _fused(*members)
+    depth = np.full((120, 160), 4.0)
+    depth[:, 90:] = 3.0
+    for k in range(1, 30):
+        if k == 10:
+            members[1].box = (200.0, 80.0, 40.0, 30.0)
+        tracker.foresee(Foreseen(BOX, 4.0, 0.0, depth, FRAME.shape[:2]))
+        result = tracker.update(FRAME, k * 40_000_000)
+        assert result.overlap(BOX) > 0.95
+    assert len(members[1].placed) == 1 and members[1].placed[0] == pytest.approx(BOX, abs=1.0)
+    members[0].box = members[1].box = (80.0, 65.0, 80.0, 60.0)
+    for k in range(30, 34):
+        tracker.foresee(Foreseen(BOX, 4.0, 0.0, depth, FRAME.shape[:2]))
+        result = tracker.update(FRAME, k * 40_000_000)
+    assert result.size_px[0] < 1.2 * BOX[2], "twice as large he cannot be, whoever says so"
 
 
 def test_of_members_that_disagree_after_a_loss_the_one_that_looks_like_the_target_speaks() -> None:

@@ -1,0 +1,112 @@
+"""Where the target must be by its motion over ground, how large it looks there, and what a depth camera says of a box.
+
+Neither a tracker's own model nor the thesis knows a place: whatever looks like the target is the target. Who passes
+before him is nearer than he can be, in whatever colours, and nobody grows by half.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.tracking.base import Box
+
+Array = NDArray[np.float64]
+_CORE = ((0.25, 0.75), (0.3, 0.7))
+"""Part of a box that its target fills however it stands: across and down."""
+_KNOWN = 0.3
+"""Least share of the pixels there that have a depth for it to say anything."""
+_HIS = 0.25
+"""Least share of those that are as far away as the target must be."""
+_NEARER_M = 0.5
+"""How much nearer or farther than foreseen a target that is seen may be, m: less than what passes before it."""
+_GROWN = 0.15
+"""How much larger or smaller than foreseen a target that is seen may look, logarithm."""
+
+
+@dataclass(frozen=True)
+class Foreseen:
+    """What is known of the target's place in a picture before anybody has looked."""
+
+    box: Box
+    """Where the picture should show it, px."""
+    distance_m: float = math.nan
+    """How far away, along the optical axis, m; NaN: unknown, and so is how large it can look."""
+    reach_m: float = 0.0
+    """How far it can have got from there since it was seen, m."""
+    depth_m: Array | None = None
+    """Depth picture that belongs to it, (h, w), m, 0 for none, at any size; None without a depth camera."""
+    shape: tuple[int, int] = (0, 0)
+    """Rows and columns of the picture that the boxes are of."""
+
+    @classmethod
+    def at(cls, box: Box | None) -> Foreseen | None:
+        """A place alone, px; None where there is none."""
+        return None if box is None else cls(box)
+
+    def excluded(self, boxes: Mapping[str, Box]) -> frozenset[str]:
+        """Trackers in whose box everything is nearer or farther than the target can be, or is what stands before it."""
+        if self.depth_m is None or not math.isfinite(self.distance_m):
+            return frozenset()
+        before_m = self._before_m(self.depth_m)
+        return frozenset(name for name, box in boxes.items() if self._at_another(self.depth_m, box, before_m))
+
+    def _before_m(self, depth_m: Array) -> float:
+        """How far away what now stands before the target is, m; NaN: nothing does."""
+        core = core_of(depth_m, self.box, self.shape)
+        nearer = np.zeros(0) if core is None else core[(core > 0.0) & (core < self.distance_m - _NEARER_M)]
+        return float(np.median(nearer)) if core is not None and len(nearer) > core.size / 2 else math.nan
+
+    def grown(self, box: Box) -> float:
+        """By how much a box is larger (below 0: smaller) than the target can look, logarithm; 0 where it is not."""
+        if not self.distance_m > 0.0:
+            return 0.0
+        larger = 0.5 * math.log(box[2] * box[3] / (self.box[2] * self.box[3]))
+        slack = _GROWN + math.log1p(self.reach_m / self.distance_m)
+        return math.copysign(max(0.0, abs(larger) - slack), larger)
+
+    def fitted(self, box: Box) -> Box:
+        """The box about its middle, no larger and no smaller than the target can look, px."""
+        shrink = math.exp(-self.grown(box))
+        width, height = box[2] * shrink, box[3] * shrink
+        return box[0] + (box[2] - width) / 2, box[1] + (box[3] - height) / 2, width, height
+
+    def _at_another(self, depth_m: Array, box: Box, before_m: float) -> bool:
+        core = core_of(depth_m, box, self.shape)
+        known = np.zeros(0) if core is None else core[core > 0.0]
+        if core is None or len(known) < _KNOWN * core.size:
+            return False
+        if math.isfinite(before_m) and float(np.mean(np.abs(known - before_m) < _NEARER_M / 2)) > 0.5:
+            return True
+        return float(np.mean(np.abs(known - self.distance_m) < _NEARER_M + self.reach_m)) < _HIS
+
+
+def core_of(
+    depth_m: Array, box: Box, shape: tuple[int, int], about_m: float = math.nan, reach_m: float = 0.0
+) -> Array | None:
+    """Depth in the middle of a box, (h, w), m, 0 for none; None where that is outside the picture.
+
+    Args:
+        depth_m: depth picture, (h, w), m, 0 for none, of the same view at any size.
+        box: in the picture, px.
+        shape: rows and columns of that picture.
+        about_m: how far away the target must be, m: what is nearer or farther is no depth of it; NaN: unknown.
+        reach_m: how far it can have got from there, m.
+    """
+    (left, right), (top, bottom) = (
+        _within(box[axis], box[axis + 2], _CORE[axis], depth_m.shape[1 - axis] / shape[1 - axis]) for axis in (0, 1)
+    )
+    core = depth_m[top:bottom, left:right]
+    if not core.size:
+        return None
+    return np.where(np.abs(core - about_m) < _NEARER_M + reach_m, core, 0.0) if math.isfinite(about_m) else core
+
+
+def _within(corner: float, side: float, shares: tuple[float, float], scale: float) -> tuple[int, int]:
+    """First pixel and the one after the last of a part of a box's side, in a picture of another scale."""
+    first, last = (max(0, int((corner + side * share) * scale)) for share in shares)
+    return first, last + 1 if corner + side * shares[1] > 0.0 else first

@@ -1,0 +1,64 @@
+"""Where the target must be: what a depth camera says of a tracker's box, and how large the box may be."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from common.tracking.base import Box
+from onboard.fusion.foreseen import Foreseen, core_of
+
+SHAPE = (240, 320)
+HIS: Box = (140.0, 60.0, 30.0, 100.0)
+
+
+def _depth(*things: tuple[Box, float]) -> np.ndarray:
+    """A depth picture at half the size, nothing but these boxes at these distances, m."""
+    depth = np.zeros((120, 160))
+    for (x, y, width, height), distance_m in things:
+        depth[int(y / 2) : int((y + height) / 2), int(x / 2) : int((x + width) / 2)] = distance_m
+    return depth
+
+
+def _aside(by_px: float) -> Box:
+    return HIS[0] + by_px, *HIS[1:]
+
+
+def test_who_is_nearer_or_farther_than_the_target_can_be_is_somebody_else_however_he_looks() -> None:
+    boxes = {"his": HIS, "hers": _aside(60.0), "far": _aside(-60.0), "nowhere": _aside(120.0)}
+    depth = _depth((HIS, 4.0), (boxes["hers"], 3.1), (boxes["far"], 5.2))
+    foreseen = Foreseen(HIS, 4.1, 0.0, depth, SHAPE)
+    assert foreseen.excluded(boxes) == {"hers", "far"}
+    assert not Foreseen(HIS, 4.1, 1.0, depth, SHAPE).excluded(boxes), "after a second he may be there"
+    for unknown in (replace(foreseen, depth_m=None), replace(foreseen, distance_m=math.nan)):
+        assert not unknown.excluded(boxes)
+
+
+def test_what_stands_before_the_target_is_not_the_target_however_long_it_stands_there() -> None:
+    screen = (100.0, 20.0, 90.0, 190.0)
+    foreseen = Foreseen(HIS, 4.0, 1.5, _depth((screen, 3.0)), SHAPE)
+    assert foreseen.excluded({"on it": _aside(10.0), "elsewhere": _aside(100.0)}) == {"on it"}
+
+
+def test_a_box_counts_by_what_fills_its_middle_and_not_by_what_shows_beside_the_target() -> None:
+    depth = np.full((120, 160), 6.0)
+    depth[30:80, 72:83] = 4.0
+    assert not Foreseen(HIS, 4.0, 0.0, depth, SHAPE).excluded({"his": HIS})
+    core = core_of(depth, HIS, SHAPE, 4.0)
+    assert core is not None and set(np.unique(core)) <= {0.0, 4.0} and float((core > 0.0).mean()) > 0.7
+    assert core_of(depth, (-80.0, 60.0, 30.0, 100.0), SHAPE) is None
+    assert core_of(depth, (310.0, 200.0, 60.0, 200.0), SHAPE) is None
+
+
+@pytest.mark.parametrize(("times", "left"), [(1.0, 1.0), (1.1, 1.1), (1.5, 1.162), (0.5, 0.861)])
+def test_nobody_grows_by_half(times: float, left: float) -> None:
+    x, y, width, height = HIS
+    box = (x - width * (times - 1) / 2, y - height * (times - 1) / 2, width * times, height * times)
+    fitted = Foreseen(HIS, 4.0).fitted(box)
+    assert fitted[2:] == pytest.approx((width * left, height * left), rel=1e-3)
+    assert fitted[0] + fitted[2] / 2 == pytest.approx(155.0) and fitted[1] + fitted[3] / 2 == pytest.approx(110.0)
+    assert Foreseen(HIS).fitted(box) == box, "nobody knows how far he is"
+    assert abs(Foreseen(HIS, 4.0, 4.0).grown(box)) < 0.01, "unseen for long, he may be twice as far or at half of it"
