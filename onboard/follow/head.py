@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from common.geometry.camera import Camera
 from common.tracking.base import Box
 from onboard.follow.pan_tilt import PanTiltConfig, PanTiltLaw
+from onboard.fusion.foreseen import Foreseen
 from onboard.fusion.motion import MotionFilter
 
 Array = NDArray[np.float64]
@@ -53,15 +54,15 @@ class HeadFollower:
             )
         self._angles, self._turned_ns = np.array([pan_rad, tilt_rad]), t_ns
 
-    def expected(self) -> Box | None:
-        """Where the picture of the time of the last `turned` should show the target, px; None: unknown."""
+    def expected(self) -> Foreseen | None:
+        """Where the picture of the time of the last `turned` should show the target; None: unknown."""
         off = self._off()
         if off is None or np.abs(off).max() > math.pi / 3:
             return None
         u = self._camera.cx_px + self._camera.fx_px * math.tan(off[0])
         v = self._camera.cy_px - self._camera.fy_px * math.tan(off[1])
         width, height = self._size.tolist()
-        return u - width / 2, v - height / 2, width, height
+        return Foreseen((u - width / 2, v - height / 2, width, height))
 
     def step(self, box: Box | None) -> tuple[float, float]:
         """Pan and tilt to command, rad, for the picture of the time of the last `turned`.

@@ -16,15 +16,18 @@ from common.geometry.camera import Camera
 from common.tracking.base import Box
 from onboard.follow.unicycle import Drive, UnicycleConfig, UnicycleLaw
 from onboard.fusion.depth import DepthConfig, DepthFusion
+from onboard.fusion.foreseen import Foreseen
 from onboard.fusion.motion import MotionFilter
 
 Array = NDArray[np.float64]
 _PLACE_M, _START_M_S, _DENSITY = 0.02, 0.3, 0.8
 """Standard deviations of a measured place, m, and of the velocity at the start, m/s, and root of the spectral density
 of the target's acceleration, m/s^1.5: what is pushed or drives over a floor."""
-_NEAREST_M = 0.2
-_SIZE_MEMORY_S = 2.0
-"""Time constant with which what is known of the target's size follows the box, s."""
+_NEAREST_M, _REACH_M_S2 = 0.2, 0.3
+"""Least distance at which a target is expected in the picture, m, and half of its acceleration, m/s²."""
+_FORM_MEMORY_S, _MOST_GROWN = 3.0, 1.1
+"""Time constant with which what is known of the target's size over ground follows the box, s, and how many times as
+large, or as small, as at the first it may become: what is rigid looks narrower or wider as it turns, no more."""
 _STANDS = Drive(0.0, 0.0, None)
 
 
@@ -44,7 +47,7 @@ class RobotFollower:
         self._target: MotionFilter | None = None
         self._place, self._yaw_rad = np.zeros(2), 0.0
         self._own, self._rolled_ns = (0.0, 0.0), 0
-        self._form = np.zeros(3)
+        self._form = self._first_form = np.zeros(3)
         """Width, height and how far below the camera its middle is, m."""
         self._seen_ns = 0
 
@@ -70,8 +73,8 @@ class RobotFollower:
         self._yaw_rad += turn_rad_s * dt_s
         self._own, self._rolled_ns = (speed_m_s, turn_rad_s), t_ns
 
-    def expected(self) -> Box | None:
-        """Where the picture of the time of the last `roll` should show the target, px; None once away for too long."""
+    def expected(self) -> Foreseen | None:
+        """Where the picture of the time of the last `roll` should show the target; None once away for too long."""
         if self._target is None or self._away_s > self._config.coast_s:
             return None
         ahead, aside = self._ahead(self._rolled_ns)
@@ -80,7 +83,8 @@ class RobotFollower:
         camera, (width, height, down) = self._camera, self._form
         u, v = camera.cx_px + camera.fx_px * aside / ahead, camera.cy_px + camera.fy_px * down / ahead
         width, height = camera.fx_px * width / ahead, camera.fy_px * height / ahead
-        return float(u - width / 2), float(v - height / 2), float(width), float(height)
+        box = float(u - width / 2), float(v - height / 2), float(width), float(height)
+        return Foreseen(box, float(ahead), _REACH_M_S2 * self._away_s**2)
 
     def step(self, box: Box | None, depth_m: Array | None) -> Drive:
         """What to ask of the wheels for the picture of the time of the last `roll`.
@@ -133,9 +137,11 @@ class RobotFollower:
             self._target = MotionFilter(found, t_ns, np.full(2, _PLACE_M), np.full(2, _START_M_S))
             half_rad = math.atan(camera.width / 2 / camera.fx_px)
             self._law = UnicycleLaw(self._config, ahead * math.hypot(1.0, right), half_rad)
-            self._form = form
+            self._form = self._first_form = form
         else:
             self._target.predict(t_ns, np.full(2, _DENSITY**2))
             self._target.update(found, np.full(2, _PLACE_M**2))
-            self._form = self._form - math.expm1(-self._away_s / _SIZE_MEMORY_S) * (form - self._form)
+            form = self._form - math.expm1(-self._away_s / _FORM_MEMORY_S) * (form - self._form)
+            size = np.clip(form[:2], self._first_form[:2] / _MOST_GROWN, self._first_form[:2] * _MOST_GROWN)
+            self._form = np.array([*size, form[2]])
         self._seen_ns = t_ns

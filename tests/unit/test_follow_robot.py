@@ -27,7 +27,7 @@ class World:
         self.follower = RobotFollower(CONFIG, DepthConfig(), EYE)
         self.place, self.yaw, self.own = np.zeros(2), 0.0, np.zeros(2)
         self.target, self.velocity = np.array([0.8, 0.0]), np.array(velocity)
-        self.t_ns = 0
+        self.t_ns, self.grown = 0, 1.0
 
     def ahead(self) -> np.ndarray:
         """Of the target from the robot, ahead and to the right, (2,), m."""
@@ -40,10 +40,11 @@ class World:
         ahead, aside = self.ahead()
         width, height = EYE.fx_px * SIZE_M / ahead
         u, v = EYE.cx_px + EYE.fx_px * aside / ahead, EYE.cy_px + EYE.fy_px * BELOW_M / ahead
+        width, height = self.grown * width, self.grown * height
         return u - width / 2, v - height / 2, width, height
 
     def step(self, seen: bool) -> Box | None:
-        """One picture; returns what was expected of it."""
+        """One picture; returns where it was expected to show the target."""
         self.follower.roll(self.t_ns, *self.own.tolist())
         expected = self.follower.expected()
         depth_m = np.full((4, 4), self.ahead()[0] if self.ahead()[0] < 1.0 else 0.0)
@@ -53,7 +54,7 @@ class World:
         self.place = self.place + self.own[0] * STEP_S * np.array([math.cos(self.yaw), math.sin(self.yaw)])
         self.target = self.target + self.velocity * STEP_S
         self.t_ns += STEP_NS
-        return expected
+        return None if expected is None else expected.box
 
 
 def test_a_target_that_drives_on_is_expected_where_it_is_and_followed_while_it_is_hidden() -> None:
@@ -73,6 +74,17 @@ def test_a_target_that_drives_on_is_expected_where_it_is_and_followed_while_it_i
     for _ in range(60):
         expected = world.step(False)
     assert expected is None and np.abs(world.own).max() < 0.05, "who stays away is not driven after"
+
+
+def test_a_box_that_grows_by_half_at_the_same_distance_is_not_expected_so() -> None:
+    world = World((0.0, 0.0))
+    for _ in range(30):
+        world.step(True)
+    true, world.grown = world.box(), 1.5
+    for _ in range(300):
+        expected = world.step(True)
+    assert expected is not None and expected[2] == pytest.approx(1.1 * true[2], rel=0.02)
+    assert expected[3] == pytest.approx(1.1 * true[3], rel=0.02)
 
 
 def test_nothing_is_asked_without_a_distance_and_bad_wheels_are_refused() -> None:
