@@ -3,8 +3,9 @@
 Back-projection of the whole target's histogram, CamShift searches from several windows on it, and the multi-kernel
 distance (eq. 4) as the judge of what they end on: a thing of the target's colours in another arrangement does not pass.
 What it adds to the paper: the back-projection says how much likelier a colour is on the target than in this picture, so
-a target with the ground's colours in it is still found; the windows are those that hold most of it; and each place is
-judged at all headings and several sizes, then refined, since CamShift gives neither front nor a reliable size.
+a target with the ground's colours in it is still found; the windows are those whose colours as a whole are most like
+the target's; and each place is judged at all headings and several sizes, then refined, since CamShift gives neither
+front nor a reliable size.
 """
 
 from __future__ import annotations
@@ -15,12 +16,12 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from common.tracking.colour import BINS, binned
+from common.tracking.colour import BINS, bhattacharyya_coefficient, binned
 from common.tracking.histogram import PSI, SCALE, HistogramModel
 
 _STRIDE = 2
 """The picture is searched on every second row and column."""
-_SEARCHES = 10
+_SEARCHES = 8
 """CamShift searches from so many windows."""
 _STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 10, 1.0)
 _HEADINGS = 24
@@ -93,20 +94,40 @@ def back_projection(frame: np.ndarray, model: HistogramModel, gain: float | np.n
     return (255.0 * share * weight).astype(np.uint8)[bins]
 
 
-def windows(likely: np.ndarray, side_px: float, count: int) -> list[tuple[int, int, int, int]]:
-    """The windows (x, y, w, h) of a size that hold most of a back-projection (H, W), best first, none on another."""
+def windows(
+    likely: np.ndarray, bins: np.ndarray, model: HistogramModel, side_px: float, count: int
+) -> list[tuple[int, int, int, int]]:
+    """The windows (x, y, w, h) of a size that look most like the whole target (eq. 2), best first, none on another.
+
+    Those that hold most of the back-projection are others: a roof in one of the target's colours fills a window as the
+    target does not, but lacks its other colours.
+
+    Args:
+        likely: back-projection (H, W) uint8; windows without any of it are left out.
+        bins: bin of each pixel (H, W).
+        model: what the target looks like.
+        side_px: side of a window, px.
+        count: so many at most.
+    """
     rows, columns = likely.shape
     side = max(3, min(round(side_px), rows, columns))
+    step = max(1, side // 2)
     sums = cv2.integral(likely)
-    held = (sums[side:, side:] - sums[:-side, side:] - sums[side:, :-side] + sums[:-side, :-side]).astype(np.float32)
-    chosen = []
-    for _ in range(count):
-        _, most, _, (x, y) = cv2.minMaxLoc(held)
-        if most <= 0:
+    xs, ys = (a.ravel() for a in np.meshgrid(range(0, columns - side + 1, step), range(0, rows - side + 1, step)))
+    held = sums[ys + side, xs + side] - sums[ys, xs + side] - sums[ys + side, xs] + sums[ys, xs]
+    xs, ys = xs[held > 0], ys[held > 0]
+    inside = [
+        np.bincount(bins[y : y + side, x : x + side].ravel(), minlength=BINS) for x, y in zip(xs, ys, strict=True)
+    ]
+    target = model.reference.mean(axis=0)
+    alike = bhattacharyya_coefficient(target, np.array(inside).reshape(-1, BINS) / side**2)
+    chosen: list[tuple[int, int, int, int]] = []
+    for i in np.argsort(-alike, kind="stable"):
+        x, y = int(xs[i]), int(ys[i])
+        if all(max(abs(x - other), abs(y - at)) >= side for other, at, _, _ in chosen):
+            chosen.append((x, y, side, side))
+        if len(chosen) == count:
             break
-        chosen.append((x, y, side, side))
-        near = side // 2
-        held[max(0, y - near) : y + near + 1, max(0, x - near) : x + near + 1] = 0
     return chosen
 
 
@@ -129,12 +150,15 @@ def search(
         nearby: where it is expected: of two places that look alike the nearer one is taken.
     """
     judge = _Judge(frame, model, gain, nearby)
-    likely = back_projection(np.ascontiguousarray(frame[::_STRIDE, ::_STRIDE]), model, gain)
+    coarse = np.ascontiguousarray(frame[::_STRIDE, ::_STRIDE])
+    likely, bins = back_projection(coarse, model, gain), binned(coarse, model.bins.table(gain))
     sizes_px = [size_px] if size_px is not None else [share * frame.shape[0] for share in _ANY_SIZES]
     rough = [
         judge.at(center * _STRIDE, expected_px)
         for expected_px in sizes_px
-        for center in _centers(likely, expected_px / _STRIDE)
+        for center in _centers(
+            likely, windows(likely, bins, model, expected_px / _STRIDE, _SEARCHES), expected_px / _STRIDE
+        )
     ]
     fine = [judge.refined(place, rng) for place in _best(rough, _REFINED)]
     return min(fine, key=lambda place: place.cost, default=None)
@@ -180,10 +204,10 @@ class _Judge:
         return _AWAY_COST * min(1.0, away_px / self._nearby.reach_px) + _TURNED_COST * turned
 
 
-def _centers(likely: np.ndarray, side_px: float) -> list[np.ndarray]:
-    """Where CamShift ends from the best windows, and where these are, px of the back-projection."""
+def _centers(likely: np.ndarray, starts: list[tuple[int, int, int, int]], side_px: float) -> list[np.ndarray]:
+    """Where CamShift ends from some windows, and where these are, px of the back-projection."""
     ends: list[np.ndarray] = []
-    for x, y, width, height in windows(likely, side_px, _SEARCHES):
+    for x, y, width, height in starts:
         (center, size, _), _ = cv2.CamShift(likely, (x, y, width, height), _STOP)
         reached = [np.array(center)] if min(size) > 0 else []
         # Beside a large thing of like colour CamShift runs away to that: the window itself is a place, too.

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.painted_scene import CAR_PX, Pose, Scene, car_picture, paint
+from common.tracking.colour import binned
 from common.tracking.finder import Found, Nearby, back_projection, search, windows
 from common.tracking.histogram import LAYOUTS, HistogramModel, learn_model
 
@@ -49,14 +50,26 @@ def test_back_projection_of_a_picture_without_the_colours_is_empty(model: Histog
     assert not back_projection(np.full((48, 64, 3), (0, 255, 0), np.uint8), model).any()
 
 
-def test_windows_lie_where_most_is_and_not_on_each_other() -> None:
-    likely = np.zeros((100, 200), np.uint8)
-    likely[20:40, 50:70] = 200
-    likely[60:80, 150:170] = 100
-    found = windows(likely, 20.0, 5)
+@pytest.mark.parametrize("pose", [Pose(150.0, 240.0, 0.7), Pose(200.0, 100.0, 2.0), Pose(100.0, 400.0, -1.0)])
+def test_a_large_roof_in_one_of_its_colours_does_not_hide_the_target(model: HistogramModel, pose: Pose) -> None:
+    frame, car = _frame(pose), car_picture()
+    frame[20:150, 320:630] = car[car.shape[0] // 2, car.shape[1] // 10]
+    found = _search(frame, model, size_px=SIZE_PX)
 
-    assert found[:2] == [(50, 20, 20, 20), (150, 60, 20, 20)]
-    assert windows(np.zeros((50, 50), np.uint8), 10.0, 3) == []
+    assert math.dist(found.state[:2], (pose.x_px, pose.y_px)) < 5.0
+
+
+def test_windows_lie_where_it_looks_like_the_target_and_not_on_each_other(model: HistogramModel) -> None:
+    frame = _frame(Pose(400.0, 300.0), others=(Pose(120.0, 100.0, 1.0),))
+    bins = binned(frame, model.bins.table(LIT))
+    found = windows(back_projection(frame, model), bins, model, SIZE_PX, 10)
+
+    middles = [np.array([x + w / 2, y + h / 2]) for x, y, w, h in found]
+    for car in ((400.0, 300.0), (120.0, 100.0)):
+        assert min(math.dist(middle, car) for middle in middles[:4]) < 0.6 * SIZE_PX
+    apart = [np.abs(a - b).max() for i, a in enumerate(middles) for b in middles[:i]]
+    assert len(found) > 2 and min(apart) >= round(SIZE_PX)
+    assert windows(np.zeros((480, 640), np.uint8), bins, model, SIZE_PX, 3) == []
 
 
 @pytest.mark.parametrize("angle_deg", [0, 50, 135, -110])
