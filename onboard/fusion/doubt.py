@@ -14,6 +14,8 @@ CLEARLY = 0.1
 """By how much more alike another must be for that."""
 _UNLIKE, ALONE_UNLIKE = 0.3, 0.5
 """Relative similarity below which it is doubted in any case, and when the other trackers say that they are lost."""
+_FOLLOWED_UNLIKE = 0.1
+"""The same of one that has followed ever since two agreed, with a thing in its box that moves as the box does."""
 SURELY = 0.7
 """Relative similarity from which a box is the target, though one tracker alone has it."""
 _SAME = 0.5
@@ -21,7 +23,12 @@ _SAME = 0.5
 
 
 def doubted(
-    similar: Mapping[str, float], boxes: Mapping[str, Box], last: Box | None, there: float, foreseen: Box | None
+    similar: Mapping[str, float],
+    boxes: Mapping[str, Box],
+    last: Box | None,
+    there: float,
+    foreseen: Box | None,
+    followed: frozenset[str] = frozenset(),
 ) -> frozenset[str]:
     """Trackers whose box looks less like the target than one elsewhere does, or like nothing known.
 
@@ -35,6 +42,8 @@ def doubted(
         there: least likeness of one that is alone, and is where the answer was.
         foreseen: where the target's motion over ground leads one to expect it: who is found there, however changed, is
             no more doubted than several would be.
+        followed: who have followed ever since two agreed, with a thing in their box that moves as the box does. A
+            target that has turned away looks like nothing that is known.
     """
     best = max(similar.values(), default=0.0)
     least = _UNLIKE
@@ -43,6 +52,8 @@ def doubted(
         if foreseen is None or not as_foreseen(box, foreseen):
             least = there if jaccard(box, last) > _SAME else max(there, ALONE_UNLIKE)
     unlike = {n for n, s in similar.items() if s < least or (s < _DOUBTFUL and s < best - CLEARLY)}
+    if last is not None:
+        unlike -= {n for n in followed if similar.get(n, 0.0) >= _FOLLOWED_UNLIKE and jaccard(boxes[n], last) > _SAME}
     return frozenset(name for name in unlike if not set(same_as(name, boxes)) - unlike)
 
 

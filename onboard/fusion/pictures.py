@@ -150,7 +150,7 @@ class PictureFusion:
         seen = {name: upright_box(result) for name, result in now.items() if result.state == "tracking"}
         excluded = self._excluded(seen)
         seen = {name: box for name, box in seen.items() if name not in excluded}
-        riding = self._riding.alone(self.grey, self._t_ns, self.place_px, seen)
+        riding = self._riding.look(self.grey, self._t_ns, self.place_px, seen)
         boxes = {name: self._fitted(box) for name, box in seen.items()}
         foreseen = None if self._foreseen is None else self._foreseen.box
         verdict = self._witness.judge(self.grey, boxes, self._several, self.fused, self._t_ns, foreseen, riding)

@@ -58,8 +58,8 @@ class Riding:
         self._since.pop(name, None)
         self._preference.pop(name, None)
 
-    def alone(self, grey: np.ndarray, t_ns: int, place: np.ndarray, boxes: Mapping[str, Box]) -> dict[str, int]:
-        """The tracker that sees the target alone, if its box's content moves with it over the ground, and since when.
+    def look(self, grey: np.ndarray, t_ns: int, place: np.ndarray, boxes: Mapping[str, Box]) -> dict[str, int]:
+        """Trackers whose box's content moves with it over the ground, and since when each has followed.
 
         Args:
             grey: the picture, (H, W) uint8.
@@ -68,22 +68,19 @@ class Riding:
             boxes: of each tracker that sees the target in it, px.
 
         Returns:
-            Since when it has seen the target without a break, ns, by its name; empty where several see it, where the
-            content does not move so, and where the box stands: nothing can be said then.
+            Since when each of them has seen the target without a break, ns. Of a box that stands nothing can be said:
+            it soon is none of them.
         """
         now = _Seen(t_ns, grey, place.copy(), dict(boxes))
         while self._seen and t_ns - self._seen[0].t_ns > _REACH_S * 1e9:
             self._seen.popleft()
         self._seen.append(now)
-        if len(boxes) != 1:
-            self._preference.clear()
-            return {}
-        (name,) = boxes
-        found = self._preferred(name, now)
-        before_ns, preference = self._preference.get(name, (t_ns, found))
-        preference -= math.expm1(-(t_ns - before_ns) * 1e-9 / _MEMORY_S) * (found - preference)
-        self._preference[name] = (t_ns, preference)
-        return {name: self._since[name]} if preference > _RIDES and name in self._since else {}
+        for name in boxes:
+            found = self._preferred(name, now)
+            before_ns, preference = self._preference.get(name, (t_ns, found))
+            preference -= math.expm1(-(t_ns - before_ns) * 1e-9 / _MEMORY_S) * (found - preference)
+            self._preference[name] = (t_ns, preference)
+        return {n: self._since[n] for n in boxes if n in self._since and self._preference[n][1] > _RIDES}
 
     def _preferred(self, name: str, now: _Seen) -> float:
         """How much better a box's content is explained by its own motion than by the ground's, -2 to 2.

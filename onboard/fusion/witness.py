@@ -21,8 +21,6 @@ from onboard.fusion.prior import as_foreseen, elsewhere, out_of_reach, outshinin
 
 _ALONE_THERE_UNLIKE = 0.4
 """Least relative similarity of a tracker that is alone, and is where the answer was: it has not gone elsewhere."""
-_RIDING_UNLIKE = 0.1
-"""The same of one that has followed it ever since two agreed, with a thing in its box that moves as the box does."""
 _ALONE_S, _OUTSHONE_S = 0.25, 0.15
 """How long no two must have agreed, and another have looked far more like the target, for that one to be followed."""
 _FOUND_UNLIKE = 0.6
@@ -118,20 +116,10 @@ class Witness:
         among = None if fused is None or not several else _box_of(fused)
         begun = majority or self._choose(similar, boxes, fused, t_ns) or found_alone(similar, boxes, among)
         heard = boxes.keys() if self._chosen is None else {self._chosen, *same_as(self._chosen, boxes)}
-        least = self._least_alone(boxes, riding if foreseen is None else {})
-        doubts = doubted(similar, boxes, among, least, foreseen)
+        least = _FOUND_UNLIKE if self._broken else _ALONE_THERE_UNLIKE
+        followed = () if foreseen is not None else (n for n in boxes if riding.get(n, t_ns) <= self._agreed_ns)
+        doubts = doubted(similar, boxes, among, least, foreseen, frozenset(followed))
         return Verdict(doubts, others | (boxes.keys() - heard), begun)
-
-    def _least_alone(self, boxes: Mapping[str, Box], riding: Mapping[str, int]) -> float:
-        """Least likeness of a tracker that is alone, and is where the answer was, for not being doubted.
-
-        Little, of one that was among the last who agreed, has followed ever since, and whose box holds a thing that
-        moves: a target that has turned away looks like nothing that is known.
-        """
-        (name,) = boxes if len(boxes) == 1 else ("",)
-        if riding.get(name, self._agreed_ns + 1) <= self._agreed_ns:
-            return _RIDING_UNLIKE
-        return _FOUND_UNLIKE if self._broken else _ALONE_THERE_UNLIKE
 
     def _overruling(
         self, similar: Mapping[str, float], boxes: Mapping[str, Box], fused: Fused | None, t_ns: int

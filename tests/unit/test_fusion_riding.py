@@ -22,7 +22,7 @@ def look(riding: Riding, number: int, speed: float, boxes: dict[str, Box], pan: 
     grey = GROUND[:, 100 + shift : 420 + shift].copy()
     left = 100 + round((speed - pan) * number)
     grey[100:140, left : left + 40] = THING
-    return riding.alone(grey, number * STEP_NS, np.array([-float(shift), 0.0]), boxes)
+    return riding.look(grey, number * STEP_NS, np.array([-float(shift), 0.0]), boxes)
 
 
 def followed(speed: float, box_speed: float, pan: float = 0.0) -> dict[str, int]:
@@ -42,15 +42,15 @@ def test_a_box_on_a_thing_that_moves_rides_and_one_that_slides_over_the_ground_d
     assert followed(4.0, 0.0, pan) == {}, "of a box that stands nothing is said"
 
 
-def test_only_one_that_sees_it_alone_and_since_it_last_lost_it() -> None:
+def test_each_counts_since_it_last_lost_it() -> None:
     riding = Riding()
     for number in range(6):
         riding.hear("a", number * STEP_NS, sees=number != 2)
         boxes: dict[str, Box] = {"a": (100.0 + 4 * number, 100.0, 40.0, 40.0)} if number != 2 else {}
         said = look(riding, number, 4.0, boxes)
     assert said == {"a": 3 * STEP_NS}
-    both: dict[str, Box] = {"a": (124.0, 100.0, 40.0, 40.0), "b": (124.0, 100.0, 40.0, 40.0)}
+    both: dict[str, Box] = {"a": (124.0, 100.0, 40.0, 40.0), "b": (224.0, 100.0, 40.0, 40.0)}
     riding.hear("b", 6 * STEP_NS, sees=True)
-    assert look(riding, 6, 4.0, both) == {}
+    assert look(riding, 6, 4.0, both) == {"a": 3 * STEP_NS}, "the other one has just begun"
     riding.moved("a")
     assert look(riding, 7, 4.0, {"a": (128.0, 100.0, 40.0, 40.0)}) == {}, "it was put there"
