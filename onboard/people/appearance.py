@@ -22,7 +22,7 @@ _WEIGHTS = np.array([0.15, 0.5, 0.35])
 """How much each part says when all are seen: clothes more than hair."""
 _SIDE_PX = 96
 _MARGIN = 1.3
-_LIGHT_BINS, _COLOUR_BINS, _COLOUR_REACH = 5, 7, 42.0
+_LIGHT_BINS, _COLOUR_BINS, _COLOUR_REACH = 8, 11, 42.0
 _FEWEST_PX = 12
 """A part of fewer pixels in the upright crop is not seen."""
 _SHOULDER_R, _SHOULDER_L = 2, 5
@@ -72,7 +72,7 @@ def similarity(a: Look, b: Look) -> float:
 
 
 def _bins(crop: Picture) -> NDArray[np.int64]:
-    """Number of the colour of each pixel: CIELAB, coarse in lightness, finer in hue and saturation."""
+    """Number of the colour of each pixel: CIELAB, coarser in lightness than in hue and saturation."""
     lab = cv2.cvtColor(crop, cv2.COLOR_BGR2LAB).astype(float)
     light = np.minimum(lab[..., 0] * (_LIGHT_BINS / 256.0), _LIGHT_BINS - 1).astype(int)
     colour = (lab[..., 1:] - 128.0 + _COLOUR_REACH) * (_COLOUR_BINS / (2.0 * _COLOUR_REACH))
