@@ -143,7 +143,7 @@ class AssociationConfig(Section, frozen=True, kw_only=True):
 
     gate: Fraction = 0.22
     """Largest cost at which a detection is a known person; above it, it is a new one. In Debian's sample vtest.avi, as
-    people there look from any side, 87 of 100 pairs of boxes of one person cost less and 82 of 100 of two people more."""
+    people there look from any side, 87 of 100 pairs of boxes of one person cost less and 82 of 100 of two more."""
     pose_weight: Annotated[float, msgspec.Meta(ge=0)] = 1.0
     """How much a pose distance of one body length enlarges the cost."""
     pose_memory_s: Positive = 2.0
