@@ -86,10 +86,10 @@ class Walk:
         dt = 1.0 / RATE_HZ
         place, course, facing, speed, cruise = np.array([START_M, 0.0]), 0.0, 0.0, 0.0, 0.9
         round_, radius_m, until_s = float(rng.choice((-1.0, 1.0))), 9.0, 0.0
-        self.places, self.headings = np.empty((frames, 2)), np.empty(frames)
+        self.places, self.headings, self.courses = np.empty((frames, 2)), np.empty(frames), np.empty(frames)
         for index in range(frames):
             t = index * dt
-            self.places[index], self.headings[index] = place, facing
+            self.places[index], self.headings[index], self.courses[index] = place, facing, course
             if t >= until_s:
                 until_s = t + rng.uniform(5.0, 10.0)
                 cruise, radius_m = rng.uniform(0.6, 1.2), rng.uniform(7.0, 10.5)
@@ -155,17 +155,19 @@ class Course:
     def others(self, index: int, eye: np.ndarray) -> list[Thing]:
         """Who and what else is there, seen from a place (3,)."""
         return [
-            self._other(event, share, self.target(index), eye)
+            self._other(event, share, index, eye)
             for event, share in self.on(index)
             if event.kind in ("screen", "crossing", "companion")
         ]
 
-    def _other(self, event: Event, share: float, target: Thing, eye: np.ndarray) -> Thing:
-        if event.kind == "companion":
+    def _other(self, event: Event, share: float, index: int, eye: np.ndarray) -> Thing:
+        target = self.target(index)
+        if event.kind == "companion":  # beside his way: she does not go round him while he turns about
             aside = 0.7 + 0.2 * event.strength + 2.5 * (2 * share - 1) ** 4
-            course = target.heading_rad + event.side * math.pi / 2
-            offset = aside * np.array([math.cos(course), math.sin(course), 0.0])
-            return Thing(self._twin, target.ned_p_m + offset, target.heading_rad)
+            course = float(self._walk.courses[index])
+            across = course + event.side * math.pi / 2
+            offset = aside * np.array([math.cos(across), math.sin(across), 0.0])
+            return Thing(self._twin, target.ned_p_m + offset, course)
         # Either crosses the line of sight as it is; what is nearer hides the person for a while.
         towards = (eye - target.ned_p_m) * np.array([1.0, 1.0, 0.0])
         away = towards / max(float(np.linalg.norm(towards)), 1e-6)

@@ -117,13 +117,13 @@ class Steering:
         return None
 
     def _beside_m(self, found: Array, pose: Pose, t_ns: int) -> float:
-        """How far a place (3,) is beside the line on which the target is foreseen, over ground, m; 0 of a first one."""
+        """How far a place (3,) is beside the line on which the target is foreseen, m; 0 of a first one."""
         state = self._place.at(t_ns)
         if state is None or not looks_ahead(self._camera):
             return 0.0
-        towards, where = (state.ned_p_m - pose.ned_p_m)[:2], (found - pose.ned_p_m)[:2]
-        across = float(towards[0] * where[1] - towards[1] * where[0])
-        return abs(across) / max(float(np.hypot(*where)), 1e-6)
+        towards, where = state.ned_p_m - pose.ned_p_m, found - pose.ned_p_m
+        across = float(np.linalg.norm(np.cross(towards, where)))
+        return across / max(float(np.linalg.norm(where)), 1e-6)
 
     def _reach_m(self, t_ns: int) -> float:
         """How far aside of where he is foreseen somebody can be, m."""

@@ -145,6 +145,20 @@ def test_what_happens_on_the_uavs_course_is_seen() -> None:
     assert max(abs(q[3]) for q in shaken) > 0.005 and (course.shaken(0, quiet) == quiet).all()
 
 
+def test_who_walks_beside_him_does_not_fly_round_him_while_he_turns_about() -> None:
+    course, fastest = follow_course.Course(3, 2400), 0.0
+    for event in (event for event in course.events if event.kind == "companion"):
+        first = round(event.begin_s * follow_course.RATE_HZ) + 30
+        places = [
+            thing.ned_p_m
+            for index in range(first, min(first + 120, 2400))
+            for (e, share) in course.on(index)
+            if e is event and (thing := course._other(e, share, index, np.zeros(3)))
+        ]
+        fastest = max(fastest, float(np.linalg.norm(np.diff(places, axis=0), axis=1).max()) * follow_course.RATE_HZ)
+    assert 0.5 < fastest < 6.0
+
+
 def test_a_target_counts_as_lost_after_two_seconds() -> None:
     score = Score(EYE, 30.0)
     truth = (140.0, 100.0, 40.0, 60.0)

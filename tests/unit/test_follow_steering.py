@@ -178,3 +178,16 @@ def test_a_box_that_steps_aside_faster_than_anybody_does_is_not_flown_after_unti
         turns.append(request.yaw_rate_rad_s)
     followed_s = next(k for k, turn in enumerate(turns) if turn > 0.03) / 30
     assert after_s <= followed_s <= after_s + 0.2
+
+
+def test_a_box_at_the_feet_of_somebody_else_is_not_flown_after_since_nobody_sinks_into_the_floor() -> None:
+    camera = _camera(0.17)
+    steering = Steering(FollowConfig(), DepthConfig(), camera)
+    t_ns, distance_m = _walking(steering, camera, 0.0, 1.0)
+    box, pose = _seen(camera, distance_m, 0.0)
+    before = steering.expected(t_ns, pose)
+    low = (box[0], box[1] + 0.6 * box[3], *box[2:])
+    for k in range(1, 10):
+        steering.step(t_ns + k * S // 30, low, pose, Vehicle(pose.ned_p_m, np.zeros(3), 0.0, 0.0))
+    after = steering.expected(t_ns + 10 * S // 30, pose)
+    assert before is not None and after is not None and after.box == pytest.approx(before.box, abs=3.0)
