@@ -20,7 +20,6 @@ from common.tracking.base import Box, Tracker
 from onboard.follow.robot import RobotFollower
 from onboard.follow.unicycle import UnicycleConfig
 from onboard.fusion.depth import DepthConfig
-from onboard.fusion.foreseen import Foreseen
 from onboard.fusion.tracker import HabDfTracker
 
 RATE_HZ = 30.0
@@ -168,7 +167,7 @@ def follow(course: Course, tracker: Tracker, seed: int) -> Driven:
             box: Box | None = truth.box
         else:
             if isinstance(tracker, HabDfTracker):
-                tracker.foresee(Foreseen.at(robot.expected()))
+                tracker.foresee(robot.expected())
             box = box_of(tracker.update(frame, t_ns))
         patch = None
         if box is not None:

@@ -15,7 +15,6 @@ from common.geometry.rotation import quat_from_euler
 from common.tracking.base import Box, Tracker
 from onboard.follow.head import HeadFollower
 from onboard.follow.pan_tilt import PanTiltConfig
-from onboard.fusion.foreseen import Foreseen
 from onboard.fusion.tracker import HabDfTracker
 
 RATE_HZ = 30.0
@@ -120,7 +119,7 @@ def follow(course: Course, tracker: Tracker) -> Score:
             box: Box | None = truth.box
         else:
             if isinstance(tracker, HabDfTracker):
-                tracker.foresee(Foreseen.at(head.expected()))
+                tracker.foresee(head.expected())
             box = box_of(tracker.update(frame, t_ns))
         asked = head.step(box)
         before = pan

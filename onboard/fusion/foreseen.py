@@ -43,11 +43,6 @@ class Foreseen:
     shape: tuple[int, int] = (0, 0)
     """Rows and columns of the picture that the boxes are of."""
 
-    @classmethod
-    def at(cls, box: Box | None) -> Foreseen | None:
-        """A place alone, px; None where there is none."""
-        return None if box is None else cls(box)
-
     def excluded(self, boxes: Mapping[str, Box]) -> frozenset[str]:
         """Trackers in whose box everything is nearer or farther than the target can be, or is what stands before it."""
         if self.depth_m is None or not math.isfinite(self.distance_m):

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks import follow_course, follow_pan_tilt
+from benchmarks import follow_course, follow_ground, follow_pan_tilt
 from benchmarks.base import Settings
 from benchmarks.follow import run
 from benchmarks.follow_depth import DepthEye
@@ -17,7 +17,11 @@ from benchmarks.follow_score import Score, four_distance, overlap
 from benchmarks.follow_solids import bin_, person, pillar
 from common.config import ConfigError
 from common.geometry.rotation import quat_from_euler
+from common.processes import load_config
+from common.tracking.registry import make_tracker
+from onboard.fusion.config import FusionConfig
 from onboard.fusion.foreseen import core_of
+from onboard.fusion.tracker import HabDfTracker
 
 EYE = camera(320, 240, math.radians(70.0))
 HALL = Hall((8.0, 8.0), 1, noise=0.0)
@@ -157,6 +161,17 @@ def test_who_walks_beside_him_does_not_fly_round_him_while_he_turns_about() -> N
         ]
         fastest = max(fastest, float(np.linalg.norm(np.diff(places, axis=0), axis=1).max()) * follow_course.RATE_HZ)
     assert 0.5 < fastest < 6.0
+
+
+def test_robot_and_head_tell_the_fusion_where_to_expect_the_target() -> None:
+    def tracker() -> HabDfTracker:
+        return HabDfTracker({"dsst": make_tracker("dsst", load_config(None), np.random.default_rng(1))}, FusionConfig())
+
+    driven = follow_ground.follow(Course(5, 0.15), tracker(), 5)
+    assert driven.score.frames > 10 and driven.estimate_error_m < 0.05
+    assert min(driven.score.overlaps) > 0.8
+    turned = follow_pan_tilt.follow(follow_pan_tilt.Course("bin", 4, 12), tracker())
+    assert turned.frames == 12 and min(turned.overlaps) > 0.8
 
 
 def test_a_target_counts_as_lost_after_two_seconds() -> None:
