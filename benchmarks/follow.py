@@ -88,8 +88,8 @@ def _word(name: str) -> str:
     return name.replace("-", "_")
 
 
-def _fly(name: str, seed: int, frames: int, dense: bool) -> Score:
-    course = follow_uav.Course(seed, frames, dense)
+def _fly(name: str, seed: int, frames: int) -> Score:
+    course = follow_uav.Course(seed, frames)
     return follow_uav.follow(course, _tracker(name, (seed, 1)), follow_uav.Quadrotor(seed), follow_uav.depth_eye(seed))
 
 
@@ -97,7 +97,7 @@ def _uav(config: Config, settings: Settings) -> dict[str, float]:
     """Frames until each member alone, and the fusion, has lost the person."""
     frames = _UAV_QUICK if settings.quick else _UAV_FRAMES
     names = _names(config)
-    parts = [(name, settings.seed, frames, settings.quick) for name in names]
+    parts = [(name, settings.seed, frames) for name in names]
     scores = dict(zip(names, _both_at_once(_fly, parts, _flown), strict=True))
     members = {name: score.followed for name, score in scores.items() if name != _FUSION}
     best = max(members.values())
@@ -114,7 +114,7 @@ def _uav(config: Config, settings: Settings) -> dict[str, float]:
 
 
 def _flown(part: Part, score: Score) -> str:
-    name, _, frames, _ = part
+    name, _, frames = part
     return f"uav, {name}: {score.followed} of {frames} frames, {score.mean_error_px:.0f} px off the middle"
 
 

@@ -4,8 +4,8 @@ He walks round a loop before the vehicle, faster and slower. All along it comes 
 two rows that know nothing of each other: what he and the vehicle do (he turns about, bends over, hurries ahead or steps
 back; the operator turns the vehicle away from him), and what happens around them (a screen or somebody in his colours
 passes between; somebody in his colours walks beside him; the light changes; the camera shakes). So he may come out from
-behind the screen with his back turned. In a row one follows the other, each kind once before any comes again. The
-order, the sides and the strengths are drawn.
+behind the screen with his back turned. In a row one follows the other with hardly a pause, each kind once before any
+comes again. The order, the sides and the strengths are drawn.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ AROUND = {"screen": 4.0, "crossing": 3.0, "companion": 6.0, "light": 6.0, "shake
 KINDS = {**OWN, **AROUND}
 """All of it."""
 _FIRST_S = 3.0
-_PAUSE_S, _DENSE_PAUSE_S = 1.5, 0.5
+_PAUSE_S = 0.5
 _ASIDE_S = 1.0
 _OPERATORS_TURN_RAD_S = 0.8
 _SHAKE_RAD_S = 2.0 * math.pi * 5.0
@@ -57,19 +57,19 @@ class Event:
         return share if 0.0 <= share < 1.0 else -1.0
 
 
-def events(rng: np.random.Generator, duration_s: float, dense: bool) -> list[Event]:
-    """Both rows until a time, s; with hardly a pause between what comes in one when `dense`."""
-    return [event for row in (OWN, AROUND) for event in _row(rng, row, duration_s, dense)]
+def events(rng: np.random.Generator, duration_s: float) -> list[Event]:
+    """Both rows until a time, s."""
+    return [event for row in (OWN, AROUND) for event in _row(rng, row, duration_s)]
 
 
-def _row(rng: np.random.Generator, kinds: Mapping[str, float], duration_s: float, dense: bool) -> list[Event]:
+def _row(rng: np.random.Generator, kinds: Mapping[str, float], duration_s: float) -> list[Event]:
     """One after the other until a time, s."""
-    drawn, t, pause_s = [], _FIRST_S, _DENSE_PAUSE_S if dense else _PAUSE_S
+    drawn, t = [], _FIRST_S
     while t < duration_s:
         for kind in rng.permutation(list(kinds)).tolist():
             blue, green, red = rng.uniform(0.85, 1.2, 3).tolist()
             drawn.append(Event(kind, t, float(rng.choice((-1.0, 1.0))), float(rng.random()), (blue, green, red)))
-            t += kinds[kind] + pause_s * float(rng.uniform(0.5, 1.5))
+            t += kinds[kind] + _PAUSE_S * float(rng.uniform(0.5, 1.5))
     return drawn
 
 
@@ -126,17 +126,16 @@ class Course:
     Args:
         seed: draws it.
         frames: how long.
-        dense: with hardly a pause between what happens, for a short run.
     """
 
-    def __init__(self, seed: int, frames: int, dense: bool = False):
+    def __init__(self, seed: int, frames: int):
         rng = np.random.default_rng((seed, 71))
         self.frames = frames
         self.hall = Hall(HALF_M, seed)
         self._solid, paint = person(rng)
         self._twin, _ = person(rng, paint)
         self._screen = pillar(rng, 1.3, 2.2)
-        self.events = events(rng, frames / RATE_HZ, dense)
+        self.events = events(rng, frames / RATE_HZ)
         self._walk = Walk(rng, self.events, frames)
 
     def on(self, index: int) -> list[tuple[Event, float]]:

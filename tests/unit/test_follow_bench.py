@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -150,17 +151,22 @@ def test_what_happens_on_the_uavs_course_is_seen() -> None:
 
 
 def test_who_walks_beside_him_does_not_fly_round_him_while_he_turns_about() -> None:
-    course, fastest = follow_course.Course(3, 2400), 0.0
+    course, together = follow_course.Course(3, 2400), 0
     for event in (event for event in course.events if event.kind == "companion"):
-        first = round(event.begin_s * follow_course.RATE_HZ) + 30
-        places = [
-            thing.ned_p_m
-            for index in range(first, min(first + 120, 2400))
-            for (e, share) in course.on(index)
-            if e is event and (thing := course._other(e, share, index, np.zeros(3)))
+        first, last = (round((event.begin_s + s) * follow_course.RATE_HZ) for s in (1.5, 4.5))  # beside him by then
+        if last > course.frames:
+            continue
+        beside = [
+            course._other(event, event.share(index / follow_course.RATE_HZ), index, np.zeros(3))
+            for index in range(first, last)
         ]
-        fastest = max(fastest, float(np.linalg.norm(np.diff(places, axis=0), axis=1).max()) * follow_course.RATE_HZ)
-    assert 0.5 < fastest < 6.0
+        speeds_m_s = np.linalg.norm(np.diff([t.ned_p_m for t in beside], axis=0), axis=1) * follow_course.RATE_HZ
+        turned_rad = [
+            abs(math.remainder(b.heading_rad - a.heading_rad, 2 * math.pi)) for a, b in itertools.pairwise(beside)
+        ]
+        together += len(beside)
+        assert speeds_m_s.max() < 5.0 and max(turned_rad) * follow_course.RATE_HZ < 0.6, "walks on, as he would"
+    assert together > 90
 
 
 def test_robot_and_head_tell_the_fusion_where_to_expect_the_target() -> None:
