@@ -70,9 +70,11 @@ class RayTable:
         sparse = depth_m[::_SPARSE, ::_SPARSE]
         valid = sparse[(sparse > nearest_m) & (sparse < farthest_m)]
         if _SPARSE**2 * len(valid) < _FEWEST_POINTS:
+            seen = sparse[sparse > 0]
+            middle = f"; their median is {float(np.median(seen)):.3g} m: is the unit right?" if seen.size else ""
             raise UnusableDepth(
                 f"depth picture: {len(valid)} of {sparse.size} sampled depths lie in {nearest_m} to {farthest_m} m, "
-                "expected a scene within the sensor's range"
+                f"expected a scene within the sensor's range{middle}"
             )
         return max(1, round(spacing_m * self.focal_px / float(np.median(valid))))
 

@@ -47,7 +47,11 @@ def _yolo_objectness(output: Array, person: int, size_px: int) -> tuple[Array, A
 
 def _ssd(output: Array, person: int, size_px: int) -> tuple[Array, Array]:
     rows = output.reshape(-1, output.shape[-1])
-    _require(rows, 7, "ssd", output)
+    if rows.shape[1] != 7:
+        raise ConfigError(
+            f"detector: decoder 'ssd' got an output of shape {output.shape}, expected 7 numbers for each box; is it "
+            "another decoder's?"
+        )
     rows = rows[np.round(rows[:, 1]) == person]
     return rows[:, 3:7] * size_px, rows[:, 2]
 
@@ -110,7 +114,8 @@ class PersonDetector:
         config: file and decoder.
 
     Raises:
-        ConfigError: the file is missing, OpenCV cannot read it, or it has no such output.
+        ConfigError: the file is missing, OpenCV cannot read it, it has no such output, or what it says to an empty
+            picture is not what the decoder reads.
     """
 
     def __init__(self, config: DetectorConfig):
@@ -124,6 +129,14 @@ class PersonDetector:
         if not config.output and len(names) != 1:
             raise ConfigError(f"detector.output: got nothing, expected one of the outputs {names} of {config.file!r}")
         self._outputs = [config.output or names[0]] + ([config.scores] if config.scores else [])
+        size_px = config.size_px
+        try:  # what is wrong shows now, not in flight
+            self._in_window(np.zeros((size_px, size_px, 3), np.uint8), (0, 0, size_px, size_px))
+        except cv2.error as error:
+            raise ConfigError(
+                f"detector: {config.file!r} does not run on {size_px}x{size_px} px; is detector.size_px that of the "
+                f"network? ({str(error).strip()})"
+            ) from None
 
     def find(self, picture: Picture) -> list[Region]:
         """Regions of the people in a picture (H, W, 3), BGR, the best first; they have no place and no size in metres.

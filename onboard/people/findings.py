@@ -78,5 +78,7 @@ class Findings:
     """Every region that might have been a person."""
     looks: int = 0
     """Regions that were looked at for a pose."""
+    floor_m: float | None = None
+    """Distance of the camera from the floor, m; None without depth."""
     stage_ms: dict[str, float] = field(default_factory=dict)
     """How long `regions`, `poses` and `tracks` took, ms."""

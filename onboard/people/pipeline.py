@@ -108,7 +108,8 @@ class PeoplePipeline:
             "poses": 1e3 * (posed - between),
             "tracks": 1e3 * (self._clock() - posed),
         }
-        return Findings(people, with_depth, reason, tuple(sights), looks, stages)
+        floor_m = self._search.floor_m if with_depth and self._search is not None else None
+        return Findings(people, with_depth, reason, tuple(sights), looks, floor_m, stages)
 
     def _refusal(self, frame: Frame) -> str:
         """Why a picture cannot be used at all."""

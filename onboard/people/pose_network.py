@@ -53,7 +53,11 @@ class PoseModel(Section, frozen=True, kw_only=True):
     """For each of the fifteen joints the points whose middle it is: `[[0], [5, 6], …]`."""
 
     def check(self) -> None:
-        """Refuse a map that leaves a joint out."""
+        """Refuse a map that leaves a joint out, and a place that no row has."""
+        if self.kind == "points" and self.confidence >= self.row:
+            raise ConfigError(
+                f"confidence: got place {self.confidence}, expected one of a row of {self.row}, from 0; -1 for none"
+            )
         for name, points in zip(JOINTS, self.joints, strict=True):
             if not points or min(points) < 0:
                 raise ConfigError(f"joints: got {list(points)} for {name}, expected the numbers of one or more points")
@@ -94,7 +98,8 @@ class PoseNetwork:
         model: what to load.
 
     Raises:
-        ConfigError: the file is missing or OpenCV cannot read it.
+        ConfigError: the file is missing, OpenCV cannot read it, or what it says to an empty picture is not as
+            described.
     """
 
     def __init__(self, model: PoseModel):
@@ -105,9 +110,19 @@ class PoseNetwork:
         for wanted in filter(None, (model.output, model.presence)):
             if wanted not in names:
                 raise ConfigError(f"pose model: {model.file!r} has no output {wanted!r}, only {sorted(names)}")
+        try:  # what is wrong shows now, not over somebody
+            self._read(np.zeros((model.size_px, model.size_px, 3), np.uint8))
+        except cv2.error as error:
+            raise ConfigError(
+                f"pose model: {model.file!r} does not run on {model.size_px}x{model.size_px} px; is size_px that of "
+                f"the network? ({str(error).strip()})"
+            ) from None
 
     def __call__(self, crop: Picture) -> tuple[Array, Array, float]:
         """Joints (15, 2) in px of a crop (size, size, 3), BGR, their confidences (15,), and the presence."""
+        return self._read(crop)
+
+    def _read(self, crop: Picture) -> tuple[Array, Array, float]:
         model = self.model
         blob = cv2.dnn.blobFromImage(crop, 1.0, (model.size_px,) * 2, model.mean, model.colours == "rgb")
         self._net.setInput(blob * np.float32(model.scale))
@@ -116,7 +131,10 @@ class PoseNetwork:
         presence = float(outputs[1].ravel()[0]) if model.presence else 1.0
         points, confidence = self._points(outputs[0])
         if max(max(p) for p in model.joints) >= len(points):
-            raise ConfigError(f"pose model: joints name point {max(max(p) for p in model.joints)} of {len(points)}")
+            raise ConfigError(
+                f"pose model: joints name point {max(max(p) for p in model.joints)}, but {model.file!r} gives only "
+                f"{len(points)}, numbered from 0"
+            )
         joints = np.array([points[list(p)].mean(axis=0) for p in model.joints])
         return joints, np.array([confidence[list(p)].min() for p in model.joints]), presence
 
@@ -128,6 +146,11 @@ class PoseNetwork:
             rows, columns = np.unravel_index(best, maps.shape[1:])
             shares = np.column_stack(((columns + 0.5) / maps.shape[2], (rows + 0.5) / maps.shape[1]))
             return shares * model.size_px - 0.5, maps.max(axis=(1, 2)).clip(0.0, 1.0)
+        if output.size % model.row:
+            raise ConfigError(
+                f"pose model: output {model.output!r} of {model.file!r} has shape {output.shape}, which are no rows of "
+                f"{model.row}; is it another `row`, or kind = 'heatmaps'?"
+            )
         rows = output.reshape(-1, model.row).astype(float)
         points = rows[:, :2] * (model.size_px if model.unit == "fractions" else 1.0)
         if model.confidence < 0:

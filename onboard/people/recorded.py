@@ -28,12 +28,15 @@ from onboard.people.pipeline_config import PeopleConfig
 from onboard.people.pose import Picture
 from onboard.people.pose_file import pose_network
 from onboard.people.pose_network import PoseNetwork
+from onboard.people.tally import Tally
 from onboard.people.trajectory import ned_of
 from onboard.people.tum import Recorded, TumSequence, is_tum
 from onboard.people.watch import iou
 
 _DEFAULT_RATE_HZ = 25.0
 _LEAST_IOU = 0.5
+_SAME_SHAPE = 0.02
+"""By this share two pictures' ratios of width to height may differ: the smaller one is rounded to whole pixels."""
 _UPRIGHT = (2**-0.5, 0.0, 0.0, 2**-0.5)
 Intrinsics = tuple[float, float, float, float]
 
@@ -70,6 +73,7 @@ class _Video:
     """A video or image folder: pictures without depth."""
 
     with_depth = in_world = False
+    depth_size = None
 
     def __init__(self, source: str, rate_hz: float | None):
         self._file = FileSource(source, loop=False, option="people")
@@ -106,52 +110,90 @@ def run(
     pipeline = _pipeline(source, intrinsics, settings, network)
     sink = _opened(args.out)
     film = None if args.video is None else _film(args.video, source)
-    rows, reasons, pictures, broken = [], {}, 0, 0
+    rows: list[Row] = []
+    tally = Tally()
     with contextlib.ExitStack() as stack:
         if film is not None:
             stack.callback(film.release)
         for recorded in source.frames():
-            pictures += 1
-            if recorded.colour is None:
-                broken += 1
-                continue
-            findings = pipeline.look(_frame(recorded, recorded.colour))
-            reasons[findings.reason] = reasons.get(findings.reason, 0) + 1
-            rows += [_row(recorded.number, found, source.in_world) for found in findings.people]
-            if film is not None:
-                film.write(draw(recorded.colour, findings.people, _note(findings)))
-            _progress(pictures, source.count)
+            shown = _shown(recorded, pipeline, source, rows, tally)
+            if film is not None:  # every picture, so that it keeps the recording's time
+                film.write(cv2.resize(shown, (source.width, source.height)))
+            _progress(tally.pictures, source.count)
     rows = _believed(rows, pipeline)
     if sink is None:
         _write(sys.stdout, rows)
     else:
         with sink:
             _write(sink, rows)
-    people = len({row.number for row in rows})
     if source.in_world:
         print("x, y, z: in the world of the recording's groundtruth.txt, m", file=sys.stderr)
-    print(
-        f"{pictures} pictures: {people} people in {len(rows)} boxes" + (f"; {broken} not decodable" if broken else ""),
-        file=sys.stderr,
-    )
+    broken = f"; {tally.broken} not decodable" if tally.broken else ""
+    people = len({row.number for row in rows})
+    print(f"{tally.pictures} pictures: {people} people in {len(rows)} boxes{broken}", file=sys.stderr)
     if not source.with_depth:
-        reasons = {"the source has no depth: places are not known": pictures - broken}
-    for reason, count in reasons.items():
-        if reason:
-            print(f"in {count} pictures: {reason}", file=sys.stderr)
+        tally.instead("the source has no depth: places are not known")
+    elif intrinsics is None:
+        tally.instead("depth is not used: it needs --intrinsics FX,FY,CX,CY; places are not known")
+    for line in tally.lines():
+        print(line, file=sys.stderr)
     if annotations is not None:
         for name, value in scores(rows, annotations).items():
             print(f"{name:14} {value:.3f}", file=sys.stderr)
     return 0
 
 
+def _shown(
+    recorded: Recorded, pipeline: PeoplePipeline, source: TumSequence | _Video, rows: list[Row], tally: Tally
+) -> Picture:
+    """The picture with what was found in it, which is added to rows and tally."""
+    tally.pictures += 1
+    if recorded.colour is None:
+        tally.broken += 1
+        return draw(np.zeros((source.height, source.width, 3), np.uint8), (), "not decodable")
+    findings = pipeline.look(_frame(recorded, recorded.colour))
+    tally.note(findings, "its depth picture cannot be decoded" if recorded.depth_broken else findings.reason)
+    rows += [_row(recorded.number, found, source.in_world) for found in findings.people]
+    return draw(recorded.colour, findings.people, _note(findings))
+
+
+def _camera(intrinsics: Intrinsics, source: TumSequence | _Video) -> Camera:
+    """Calibration of the pictures.
+
+    Raises:
+        ConfigError: the principal point lies outside of them.
+    """
+    cx_px, cy_px = intrinsics[2:]
+    if not (0.0 <= cx_px < source.width and 0.0 <= cy_px < source.height):
+        raise ConfigError(
+            f"--intrinsics: got a principal point of {cx_px:g},{cy_px:g}, expected one within the pictures, which are "
+            f"{source.width}x{source.height} px; intrinsics of another size are scaled with it"
+        )
+    none = (0.0, 0.0, 0.0, 0.0, 0.0)
+    return Camera(source.width, source.height, *intrinsics, none, _UPRIGHT, (0.0, 0.0, 0.0))
+
+
+def _depth_camera(colour: Camera, source: TumSequence | _Video) -> Camera | None:
+    """Calibration of the depth pictures, which are registered to the others.
+
+    Raises:
+        ConfigError: they cannot be, since they have another shape.
+    """
+    if not source.with_depth:
+        return None
+    width, height = source.depth_size or (colour.width, colour.height)
+    if abs(width * colour.height / (height * colour.width) - 1.0) > _SAME_SHAPE:
+        raise ConfigError(
+            f"people: got depth of {width}x{height} px beside pictures of {colour.width}x{colour.height}, expected "
+            "depth registered to the pictures, of their size or their shape; register it first"
+        )
+    return colour.resized(width, height)
+
+
 def _pipeline(
     source: TumSequence | _Video, intrinsics: Intrinsics | None, config: PeopleConfig, network: PoseNetwork | None
 ) -> PeoplePipeline:
-    camera = None
-    if intrinsics is not None:
-        none = (0.0, 0.0, 0.0, 0.0, 0.0)
-        camera = Camera(source.width, source.height, *intrinsics, none, _UPRIGHT, (0.0, 0.0, 0.0))
+    camera = None if intrinsics is None else _camera(intrinsics, source)
     use_depth = source.with_depth and camera is not None and config.use_depth
     wanted = config.detector or (None if use_depth else fetched_detector())
     if not use_depth and wanted is None:
@@ -162,7 +204,8 @@ def _pipeline(
         )
     detector = None if wanted is None else PersonDetector(wanted)
     network = network or pose_network(config.pose_model)
-    return PeoplePipeline(config, camera, camera if source.with_depth else None, network, detector)
+    depth = None if camera is None else _depth_camera(camera, source)
+    return PeoplePipeline(config, camera, depth, network, detector)
 
 
 def _frame(recorded: Recorded, colour: Picture) -> Frame:

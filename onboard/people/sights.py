@@ -67,6 +67,8 @@ class DepthSearch:
         self._table = RayTable.of(depth)
         self.registration = Registration.of(depth, colour)
         """Depth camera to colour camera."""
+        self.floor_m: float | None = None
+        """Distance of the camera from the floor that was found last, m."""
         self._rng = np.random.default_rng(config.seed)
 
     def find(self, depth: NDArray, vehicle: VehiclePose | None, bodies: Sequence[Body] = ()) -> list[Sight]:
@@ -92,6 +94,7 @@ class DepthSearch:
                 f"depth picture: no plane within {config.floor.tilt_deg:g} degrees of level holds "
                 f"{config.floor.least_share:.0%} of its points; expected a floor below the camera"
             )
+        self.floor_m = floor.camera_height_m
         heights, above, labels = labels_above(cloud, floor, config.clusters)
         standing, labels = standing_apart(cloud, floor, heights, above, labels)
         lying = [body for body in bodies if body.ned_trunk_m is None]

@@ -11,6 +11,7 @@ from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -21,6 +22,7 @@ from onboard.people.depth import Floats
 from onboard.people.pose import Picture
 from onboard.people.trajectory import TRUTH, CameraPose, Trajectory
 
+_Read = TypeVar("_Read")
 COLOURS, DEPTHS, PAIRS = "rgb.txt", "depth.txt", "associations.txt"
 
 
@@ -38,6 +40,8 @@ class Recorded:
     """(H, W), m, 0 where nothing returned; None without."""
     depth_ns: int | None = None
     """When that was taken, ns."""
+    depth_broken: bool = False
+    """Whether there is a depth picture that cannot be decoded."""
     camera: CameraPose | None = None
     """Where the camera was; None where that is not known."""
 
@@ -59,7 +63,8 @@ class TumSequence:
         depth_scale: depth units in a metre.
 
     Raises:
-        ConfigError: a list is missing or malformed, names no picture, or a picture is not there.
+        ConfigError: a list is missing or malformed, names no picture, a picture is not there, none can be decoded, or
+            the depth is of another kind than the format's.
     """
 
     def __init__(self, folder: str | Path, depth_scale: float):
@@ -71,10 +76,16 @@ class TumSequence:
             raise ConfigError(
                 f"people: {missing[0]} is listed in {folder}, but {len(missing)} such files are not there"
             )
-        first = cv2.imread(str(self._entries[0].colour), cv2.IMREAD_COLOR)
+        first = _first(cv2.imread(str(e.colour), cv2.IMREAD_COLOR) for e in self._entries)
         if first is None:
-            raise ConfigError(f"people: {self._entries[0].colour} cannot be decoded; expected a picture")
+            raise ConfigError(
+                f"people: {self._entries[0].colour} cannot be decoded, nor can any other picture of {folder}; expected "
+                "pictures"
+            )
         self.height, self.width = first.shape[:2]
+        depth = _first(self._depth(e.depth) for e in self._entries if e.depth is not None)
+        self.depth_size = None if depth is None else (depth.shape[1], depth.shape[0])
+        """Width and height of the depth pictures, px; None where none can be decoded."""
         span_s = self._entries[-1].t_s - self._entries[0].t_s
         self.rate_hz = (len(self._entries) - 1) / span_s if span_s > 0 else None
         """Pictures a second on average; None for a single one."""
@@ -97,13 +108,19 @@ class TumSequence:
             depth_ns = None if entry.depth_s is None else round((entry.depth_s - start_s) * 1e9)
             pixels = None if colour is None else np.asarray(colour, np.uint8)
             camera = None if self.trajectory is None else self.trajectory.at(entry.t_s)
-            yield Recorded(number, round((entry.t_s - start_s) * 1e9), pixels, depth, depth_ns, camera)
+            broken = entry.depth is not None and depth is None
+            yield Recorded(number, round((entry.t_s - start_s) * 1e9), pixels, depth, depth_ns, broken, camera)
 
-    def _depth(self, path: Path) -> Floats:
+    def _depth(self, path: Path) -> Floats | None:
+        """Metres (H, W) of a file; None when it cannot be decoded."""
         raw = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-        if raw is None or raw.ndim != 2 or raw.dtype != np.uint16:
-            got = "no picture" if raw is None else f"{raw.dtype} of shape {raw.shape}"
-            raise ConfigError(f"people: {path}: got {got}, expected a 16-bit picture of one channel")
+        if raw is None:
+            return None
+        if raw.ndim != 2 or raw.dtype != np.uint16:
+            raise ConfigError(
+                f"people: {path}: got {raw.dtype} of shape {raw.shape}, expected a 16-bit picture of one channel: "
+                f"depth in m times {self._scale:g} (--depth-scale), 0 where there is none"
+            )
         return raw.astype(np.float32) / np.float32(self._scale)
 
     def _read(self) -> list[_Entry]:
@@ -124,6 +141,11 @@ class TumSequence:
 def is_tum(source: str) -> bool:
     """Whether a source is a folder in this layout."""
     return (Path(source) / COLOURS).is_file() or (Path(source) / PAIRS).is_file()
+
+
+def _first(pictures: Iterator[_Read | None]) -> _Read | None:
+    """The first picture that could be decoded; None when there is none."""
+    return next((picture for picture in pictures if picture is not None), None)
 
 
 def _nearest(t_s: float, depths: list[tuple[float, Path]]) -> tuple[float | None, Path | None]:

@@ -79,6 +79,9 @@ def test_the_crop_is_upright_and_its_map_leads_back():
         (("[[0], ", "["), "joints"),
         (("[[0], ", "[[], "), "for head"),
         (("size_px", "size"), "did you mean 'size_px'"),
+        (("[[0], ", "[[7], "), "joints name point 7, but .*colours.onnx' gives only 3, numbered from 0"),
+        (('kind = "heatmaps"', "row = 5"), r"shape \(1, 3, 64, 64\), which are no rows of 5; .*kind = 'heatmaps'"),
+        (('kind = "heatmaps"', "confidence = 3"), "confidence: got place 3, expected one of a row of 3"),
     ],
 )
 def test_a_wrong_description_is_refused(tmp_path: Path, change: tuple[str, str], said: str):
@@ -86,13 +89,6 @@ def test_a_wrong_description_is_refused(tmp_path: Path, change: tuple[str, str],
     file.write_text(file.read_text().replace(*change))
     with pytest.raises(ConfigError, match=said):
         PoseNetwork(read_model(file))
-
-
-def test_a_joint_that_the_network_does_not_have_is_refused(tmp_path: Path):
-    file = _model(tmp_path)
-    file.write_text(file.read_text().replace("[[0], ", "[[7], "))
-    with pytest.raises(ConfigError, match="joints name point 7 of 3"):
-        PoseNetwork(read_model(file))(np.zeros((SIZE, SIZE, 3), np.uint8))
 
 
 def test_a_file_that_is_no_network_is_refused(tmp_path: Path):

@@ -156,9 +156,13 @@ def test_what_cannot_be_used_is_named(folder: Path, tmp_path: Path, monkeypatch:
     refused(str(folder / "rgb"), match="the source has no depth, and without a person detector nobody")
     refused(str(folder), "--intrinsics", "1,2,3", match="--intrinsics: got '1,2,3', expected FX,FY,CX,CY")
     refused(str(folder), "--intrinsics", "0,1,1,1", match="expected focal lengths above 0")
+    refused(str(folder), "--intrinsics", "365,365,960,540", match="principal point of 960,540, .* are 512x424 px")
     refused(str(folder), "--depth-scale", "0", match="--depth-scale: got 0, expected a number above 0")
     refused(str(folder), "--intrinsics", INTRINSICS, "--out", "/nowhere/t.csv", match="--out: cannot write")
     refused(str(tmp_path / "none"), match="does not exist")
+    for name in (f"depth/{number}.png" for number in range(PICTURES - 1)):
+        cv2.imwrite(str(folder / name), np.full((240, 640), 5000, np.uint16))
+    refused(str(folder), "--intrinsics", INTRINSICS, match="depth of 640x240 px beside pictures of 512x424, expected")
     annotated = (str(folder), "--intrinsics", INTRINSICS, "--annotations")
     refused(*annotated, str(tmp_path / "none.xml"), match="--annotations: cannot read")
     broken = tmp_path / "broken.xml"
@@ -175,6 +179,44 @@ def test_what_cannot_be_used_is_named(folder: Path, tmp_path: Path, monkeypatch:
         refused(*annotated, str(broken), match=match)
 
 
+def test_what_is_broken_or_of_another_size_is_said_and_the_rest_is_searched(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    """The first picture and the third's depth are cut off; depth is half as wide and high as the pictures."""
+    for number in range(PICTURES - 1):
+        file = folder / f"depth/{number}.png"
+        depth = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+        assert depth is not None
+        cv2.imwrite(str(file), depth[::2, ::2])
+    for name in ("rgb/0.png", "depth/2.png"):
+        (folder / name).write_bytes((folder / name).read_bytes()[:60])
+    out, film = tmp_path / "t.csv", tmp_path / "t.avi"
+    words = (str(folder), "--intrinsics", INTRINSICS, "--out", str(out), "--video", str(film))
+    assert people(*words, monkeypatch=monkeypatch) == 0
+    assert [row[0] for row in rows(out)] == [2, 4]
+    said = capsys.readouterr().err
+    assert "5 pictures: 1 people in 2 boxes; 1 not decodable" in said
+    assert "in 1 pictures: its depth picture cannot be decoded" in said and "floor 4.0" in said
+    assert cv2.VideoCapture(str(film)).get(cv2.CAP_PROP_FRAME_COUNT) == PICTURES, "the film keeps the recording's time"
+
+
+def test_a_wrong_unit_shows_and_a_reason_is_told_once(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    words = (str(folder), "--intrinsics", INTRINSICS, "--out", str(tmp_path / "t.csv"))
+    assert people(*words, "--depth-scale", "20000", monkeypatch=monkeypatch) == 0
+    assert "floor 1.00 m from the camera, expected 2 to 12 m: is --depth-scale right?" in capsys.readouterr().err
+    assert people(*words, "--depth-scale", "5e6", monkeypatch=monkeypatch) == 0
+    said = capsys.readouterr().err
+    assert "in 4 pictures: depth picture: 0 of 3392 sampled depths" in said and "0.004 m: is the unit right?" in said
+    listed = (folder / "depth.txt").read_text().splitlines()[1:]
+    late = [f"{float(time) + 9.0 + 0.01 * k} {name}" for k, (time, name) in enumerate(line.split() for line in listed)]
+    (folder / "depth.txt").write_text("\n".join(late))
+    assert people(*words, monkeypatch=monkeypatch) == 0
+    said = capsys.readouterr().err
+    assert said.count("ms apart") == 1 and "in 5 pictures: picture and depth are 9008 ms apart" in said
+
+
 def test_lists_that_are_wrong_are_named(folder: Path):
     assert is_tum(str(folder)) and not is_tum(str(folder / "rgb"))
     (folder / "depth.txt").write_text("nan depth/0.png\n")
@@ -185,11 +227,12 @@ def test_lists_that_are_wrong_are_named(folder: Path):
         TumSequence(folder, 5000.0)
     (folder / "depth.txt").unlink()
     assert not TumSequence(folder, 5000.0).with_depth
-    (folder / "associations.txt").write_text("1.5 rgb/1.png 1.6 depth/1.png\n1.0 rgb/0.png 1.0 rgb/0.png\n")
-    sequence = TumSequence(folder, 5000.0)
-    assert sequence.rate_hz == 2.0
-    with pytest.raises(ConfigError, match=r"0.png: got uint8 of shape .*, expected a 16-bit picture"):
-        list(sequence.frames())
+    (folder / "associations.txt").write_text("1.5 rgb/1.png 1.6 depth/1.png\n1.0 rgb/0.png 1.0 depth/0.png\n")
+    assert TumSequence(folder, 5000.0).rate_hz == 2.0
+    (folder / "associations.txt").write_text("1.0 rgb/0.png 1.0 rgb/0.png\n")
+    with pytest.raises(ConfigError, match=r"0.png: got uint8 of shape .*, expected a 16-bit picture .* times 5000"):
+        TumSequence(folder, 5000.0)
+    (folder / "associations.txt").write_text("1.0 rgb/0.png 1.0 depth/0.png\n")
     truth = folder / "groundtruth.txt"
     for text, match in (
         ("1.0 0 0 1 0 0 0\n", "groundtruth.txt, line 1: got '1.0 0 0 1 0 0 0', expected `time x y z qx qy qz qw`"),
