@@ -59,6 +59,7 @@ class Steering:
         self._measured_ns = 0
         self._size_m: Array | None = None
         self._first_size_m = np.ones(2)
+        self._with_depth = False
         self.why_not = ""
         """Why nothing is asked; empty while something is."""
 
@@ -86,7 +87,8 @@ class Steering:
             return None
         (u, v), (width, height) = self._camera.project(seen[None])[0], self._size_m / seen[2]
         box = float(u - width / 2), float(v - height / 2), float(width), float(height)
-        return Foreseen(box, float(seen[2]), self._gone_m(t_ns), depth_m, (self._camera.height, self._camera.width))
+        shape = (self._camera.height, self._camera.width)
+        return Foreseen(box, float(seen[2]), self._gone_m(t_ns), depth_m, shape, self._with_depth)
 
     def step(
         self,
@@ -147,7 +149,8 @@ class Steering:
         foreseen = self.expected(t_ns, pose, depth_m)
         if foreseen is not None and foreseen.excluded({"it": box}):
             return  # what is there is nearer or farther than he can be
-        found = self._sight.place(t_ns, box, pose, self._core(t_ns, box, pose, depth_m))
+        core = self._core(t_ns, box, pose, depth_m)
+        found = self._sight.place(t_ns, box, pose, core)
         if found is None:
             self.why_not = self._sight.why_not
             return
@@ -164,3 +167,4 @@ class Steering:
         size_m = self._size_m + share * (size_m - self._size_m)
         self._size_m = np.clip(size_m, self._first_size_m / _MOST_GROWN, self._first_size_m * _MOST_GROWN)
         self._measured_ns = t_ns
+        self._with_depth = core is not None and np.count_nonzero(core) > core.size / 2

@@ -42,9 +42,14 @@ class Foreseen:
     """Depth picture that belongs to it, (h, w), m, 0 for none, at any size; None without a depth camera."""
     shape: tuple[int, int] = (0, 0)
     """Rows and columns of the picture that the boxes are of."""
+    measured: bool = False
+    """Whether the depth camera measured the target's own distance when it was seen last."""
 
     def excluded(self, boxes: Mapping[str, Box]) -> frozenset[str]:
-        """Trackers in whose box everything is nearer or farther than the target can be, or is what stands before it."""
+        """Trackers in whose box everything is nearer or farther than the target can be, or is what stands before it.
+
+        Where the camera measures nothing, what is there is beyond its range, or as dark as the target may be, too.
+        """
         if self.depth_m is None or not math.isfinite(self.distance_m):
             return frozenset()
         before_m = self._before_m(self.depth_m)
@@ -73,8 +78,10 @@ class Foreseen:
     def _at_another(self, depth_m: Array, box: Box, before_m: float) -> bool:
         core = core_of(depth_m, box, self.shape)
         known = np.zeros(0) if core is None else core[core > 0.0]
-        if core is None or len(known) < _KNOWN * core.size:
+        if core is None:
             return False
+        if len(known) < _KNOWN * core.size:
+            return self.measured and self.distance_m + self.reach_m + _NEARER_M < float(depth_m.max())
         if math.isfinite(before_m) and float(np.mean(np.abs(known - before_m) < _NEARER_M / 2)) > 0.5:
             return True
         return float(np.mean(np.abs(known - self.distance_m) < _NEARER_M + self.reach_m)) < _HIS

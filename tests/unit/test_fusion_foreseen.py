@@ -37,6 +37,15 @@ def test_who_is_nearer_or_farther_than_the_target_can_be_is_somebody_else_howeve
         assert not unknown.excluded(boxes)
 
 
+def test_where_nothing_can_be_measured_is_not_the_target_that_could_be_within_the_range() -> None:
+    boxes = {"his": HIS, "a wall beyond the range": _aside(60.0)}
+    depth = _depth((HIS, 4.0), ((0.0, 180.0, 60.0, 40.0), 7.5))
+    foreseen = Foreseen(HIS, 4.0, 0.0, depth, SHAPE, measured=True)
+    assert foreseen.excluded(boxes) == {"a wall beyond the range"}
+    assert not replace(foreseen, measured=False).excluded(boxes), "he is as dark himself"
+    assert not replace(foreseen, reach_m=3.5).excluded(boxes), "he may have gone beyond it"
+
+
 def test_what_stands_before_the_target_is_not_the_target_however_long_it_stands_there() -> None:
     screen = (100.0, 20.0, 90.0, 190.0)
     foreseen = Foreseen(HIS, 4.0, 1.5, _depth((screen, 3.0)), SHAPE)
