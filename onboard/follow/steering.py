@@ -167,4 +167,4 @@ class Steering:
         size_m = self._size_m + share * (size_m - self._size_m)
         self._size_m = np.clip(size_m, self._first_size_m / _MOST_GROWN, self._first_size_m * _MOST_GROWN)
         self._measured_ns = t_ns
-        self._with_depth = core is not None and np.count_nonzero(core) > core.size / 2
+        self._with_depth = core is not None and int(np.count_nonzero(core)) > core.size / 2
