@@ -272,4 +272,5 @@ def _detection(spot: Spot, t_ns: int) -> Detection:
         evidence=spot.evidence,
         followed=sight.body is not None and sight.body.number == spot.number,
         whole=not sight.region.at_edge,
+        stands=sight.ned_trunk_m is not None,
     )

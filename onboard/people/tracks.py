@@ -18,6 +18,8 @@ _LARGEST_STEP_S = 600.0
 _NO_ROOM_M, _SURELY = 0.4, 2.0
 """Two in one picture whose middles are nearer than this, m, are one if they look so many times more alike than people
 have to for it."""
+_ONE_SIGHT_S = 2.0
+"""Who was taken for somebody new so short a time ago, and in the same unbroken sight is known again, was not new."""
 _CUT_OFF_M = 1.0
 """By so much the middle of what is left of a person at the picture's edge may be off."""
 
@@ -44,6 +46,8 @@ class Detection:
     """Whether what is not fresh was found where the body must be."""
     whole: bool = True
     """Whether the region keeps clear of the picture's edge: the middle of what is cut off lies elsewhere."""
+    stands: bool = False
+    """Whether they may be on their feet, and so elsewhere next time."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +78,8 @@ class Track:
     """Numbers that turned out to be this person."""
     evidence: float = 0.0
     """What the looks said together."""
+    stands: bool = False
+    """Whether they may have been on their feet when last seen."""
 
 
 class PeopleTracker:
@@ -89,6 +95,7 @@ class PeopleTracker:
         self._next = 1
         self._last_ns: int | None = None
         self._together: set[frozenset[int]] = set()
+        self._one_sight: set[tuple[int, int]] = set()
 
     def update(self, detections: Sequence[Detection], t_ns: int) -> list[int]:
         """Number of the person that each detection shows; 0 for one that is not fresh and whose person is gone.
@@ -103,12 +110,14 @@ class PeopleTracker:
         if self._last_ns is not None and t_ns < self._last_ns:
             raise ValueError(f"tracks: got t_ns {t_ns}, expected at least {self._last_ns}: pictures in their order")
         self._last_ns = t_ns
+        self._one_sight.clear()
         numbers = [self._carried(d, t_ns) for d in detections]
         # In the order of their numbers whatever the order of the detections; ties are broken by cost alone.
         costs = np.array([[self._cost(track, d, t_ns, numbers) for d in detections] for track in self.tracks])
         for row, column in assign(costs, self.config.gate):
             self.tracks[row] = self._seen_again(self.tracks[row], detections[column], t_ns)
             numbers[column] = self.tracks[row].number
+            self._note_sight(detections[column].known, numbers[column], t_ns)
         for index, detection in enumerate(detections):
             if not numbers[index] and detection.fresh:
                 numbers[index] = self._begin(detection, t_ns)
@@ -122,21 +131,40 @@ class PeopleTracker:
         What was first seen of somebody, at the picture's edge, may lie too far from where they are for the second sight
         to be theirs; once the places agree, the evidence decides that would have then. Who were in one picture are two,
         but for those who lie where nobody else could and look the same: parts of one that a thing or a shadow divides.
+        Who walks comes into view as legs that look like nobody known, and may be somebody new until the rest is seen:
+        those on their feet are one if they can have walked there and look the same, and so are two numbers that follow
+        each other in one unbroken sight.
         """
         believed = sorted((t for t in self.tracks if t.confirmed and not t.dismissed), key=lambda t: t.number)
-        return [(newer.number, older.number) for older, newer in combinations(believed, 2) if self._one(older, newer)]
+        left = {track.number for track in self.tracks if not track.dismissed}
+        followed = [pair for pair in self._one_sight if left >= set(pair) and set(pair) not in self._together]
+        return followed + [
+            (newer.number, older.number) for older, newer in combinations(believed, 2) if self._one(older, newer)
+        ]
+
+    def _note_sight(self, known: int | None, number: int, t_ns: int) -> None:
+        """Note that what was followed without a break as somebody new is somebody older by their look."""
+        newer = next((track for track in self.tracks if track.number == known), None)
+        if newer is not None and number < newer.number and t_ns - newer.first_ns <= _ONE_SIGHT_S * 1e9:
+            self._one_sight.add((newer.number, number))
 
     def _one(self, older: Track, newer: Track) -> bool:
         if older.ned_p_m is None or newer.ned_p_m is None:
             return False
         two = {older.number, newer.number} in self._together
         apart_m = float(np.linalg.norm((older.ned_p_m - newer.ned_p_m)[:2]))
-        if apart_m > (_NO_ROOM_M if two else self.config.near_m):
+        if apart_m <= (_NO_ROOM_M if two else self.config.near_m):
+            factor = _SURELY if two else self.config.near_factor
+        elif not two and older.stands and newer.stands and self._last_ns in (older.seen_ns, newer.seen_ns):
+            if not self._reachable(older, newer, abs(older.seen_ns - newer.seen_ns) / 1e9):
+                return False
+            factor = _SURELY
+        else:
             return False
         costs = (
             match_cost(older.looks, older.pose, look, newer.pose, float("inf"), self.config) for look in newer.looks
         )
-        return min(costs) * (_SURELY if two else self.config.near_factor) < self.config.gate
+        return min(costs) * factor < self.config.gate
 
     def recognises(self, track: Track, look: Look, pose: Pose, t_ns: int) -> bool:
         """Whether somebody seen where a person was is that person by their look."""
@@ -197,7 +225,7 @@ class PeopleTracker:
         if track.seen_ns == t_ns:
             return 0
         position, covariance = self._position(track, detection, (t_ns - track.seen_ns) / 1e9)
-        track = replace(track, seen_ns=t_ns, ned_p_m=position, ned_p_cov_m2=covariance)
+        track = replace(track, seen_ns=t_ns, ned_p_m=position, ned_p_cov_m2=covariance, stands=detection.stands)
         if detection.followed:
             track = replace(track, hits=track.hits + 1)
         self.tracks[row] = self._judged(track)
@@ -224,7 +252,7 @@ class PeopleTracker:
         apart_m = float(np.linalg.norm((track.ned_p_m - detection.ned_p_m)[:2]))
         return self.config.near_factor if apart_m <= self.config.near_m else 1.0
 
-    def _reachable(self, track: Track, detection: Detection, gap_s: float) -> bool:
+    def _reachable(self, track: Track, detection: Detection | Track, gap_s: float) -> bool:
         """Whether the person can have walked there in the time; yes where a position is not known."""
         if track.ned_p_m is None or detection.ned_p_m is None:
             return True
@@ -245,6 +273,7 @@ class PeopleTracker:
             seen_ns=t_ns,
             ned_p_m=position,
             ned_p_cov_m2=covariance,
+            stands=detection.stands,
         )
         return self._judged(seen)
 
@@ -289,6 +318,7 @@ class PeopleTracker:
                 detection.ned_p_m,
                 detection.ned_p_cov_m2,
                 evidence=detection.evidence,
+                stands=detection.stands,
             )
         )
         return number

@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import pytest
 from playwright.sync_api import Browser
 
 from common.geometry.rotation import euler_from_quat, wrap_angle
@@ -28,6 +29,7 @@ LOW_M = 0.5
 """The middle of whoever lies or sits is lower than this above the ground, m."""
 
 
+@pytest.mark.timeout(200)  # its own limits add up to that
 def test_everybody_is_found_where_they_are_and_the_one_picked_on_the_page_is_flown_up_to(tmp_path: Path) -> None:
     stack = Stack(tmp_path, ("search.speed_m_s=2.0",), vehicle="osprey")
     with chromium_started() as browser:

@@ -212,6 +212,33 @@ def test_who_turns_out_to_be_in_the_same_place_is_one_person_unless_both_were_in
     assert [(t.number, t.merged) for t in tracker.tracks] == [(1, (2,))]
 
 
+@pytest.mark.parametrize("change", ["none", "lies", "far", "clothes", "together"])
+def test_who_stood_elsewhere_and_can_have_walked_is_one_with_whoever_looks_the_same(change: str):
+    """Seen again they are legs, and somebody new; the rest of them is seen with that number."""
+    there, later = np.array([3.0, 1.0, -1.0]), np.array([9.0 if change == "far" else 5.5, 1.0, -1.0])
+    first = _detection("red over blue", ned_p_m=there, ned_p_cov_m2=0.01 * np.eye(3), stands=True)
+    legs = _detection("green over black", ned_p_m=later, ned_p_cov_m2=0.01 * np.eye(3), stands=change != "lies")
+    tracker = PeopleTracker(msgspec.structs.replace(CONFIG, confirm_hits=1))
+    assert tracker.update([first], 0) == [1]
+    assert tracker.update([legs, first] if change == "together" else [legs], SECOND)[0] == 2
+    look = legs.look if change == "clothes" else first.look
+    tracker.tracks[-1] = replace(tracker.tracks[-1], looks=(legs.look, look))
+    assert tracker.doubles() == ([(2, 1)] if change == "none" else [])
+
+
+@pytest.mark.parametrize("together", [False, True])
+def test_who_was_new_a_moment_ago_and_is_known_in_the_same_sight_was_not_new(together: bool):
+    there, later = np.array([3.0, 1.0, -1.0]), np.array([4.5, 1.0, -1.0])
+    first = _detection("red over blue", ned_p_m=there, ned_p_cov_m2=0.01 * np.eye(3))
+    legs = _detection("green over black", ned_p_m=later, ned_p_cov_m2=0.01 * np.eye(3))
+    tracker = PeopleTracker(CONFIG)
+    assert [tracker.update([first], k * SECOND) for k in range(2)] == [[1], [1]]
+    assert tracker.update([legs, first] if together else [legs], 9 * SECOND)[0] == 2 and tracker.doubles() == []
+    whole = replace(first, ned_p_m=later, known=2)
+    assert tracker.update([whole], 9 * SECOND + SECOND // 10) == [1], "by the look"
+    assert tracker.doubles() == ([] if together else [(2, 1)]), "also while nobody believes in the second"
+
+
 def test_two_in_one_picture_where_only_one_has_room_are_one_if_they_look_the_same():
     def doubles(colours: str, north_m: float) -> list[tuple[int, int]]:
         here = _detection("red over blue", ned_p_m=np.array([3.0, 1.0, 0.0]), ned_p_cov_m2=0.04 * np.eye(3))
