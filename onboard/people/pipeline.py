@@ -23,7 +23,7 @@ from onboard.people.examine import examine
 from onboard.people.findings import Findings, Found, Frame
 from onboard.people.memory import Memory
 from onboard.people.pipeline_config import PeopleConfig
-from onboard.people.pose import Pose
+from onboard.people.pose import STANDING_M, Pose
 from onboard.people.pose_finder import PoseFinder
 from onboard.people.pose_network import PoseNetwork
 from onboard.people.sights import DepthSearch, Sight
@@ -272,5 +272,5 @@ def _detection(spot: Spot, t_ns: int) -> Detection:
         evidence=spot.evidence,
         followed=sight.body is not None and sight.body.number == spot.number,
         whole=not sight.region.at_edge,
-        stands=sight.ned_trunk_m is not None,
+        stands=sight.ned_trunk_m is not None or (sight.region.height_m or 0.0) > STANDING_M,
     )

@@ -79,7 +79,7 @@ class Track:
     evidence: float = 0.0
     """What the looks said together."""
     stands: bool = False
-    """Whether they may have been on their feet when last seen."""
+    """Whether they were ever on their feet, as far as it was seen."""
 
 
 class PeopleTracker:
@@ -225,7 +225,9 @@ class PeopleTracker:
         if track.seen_ns == t_ns:
             return 0
         position, covariance = self._position(track, detection, (t_ns - track.seen_ns) / 1e9)
-        track = replace(track, seen_ns=t_ns, ned_p_m=position, ned_p_cov_m2=covariance, stands=detection.stands)
+        track = replace(track, seen_ns=t_ns, ned_p_m=position, ned_p_cov_m2=covariance)
+        if detection.stands:
+            track = replace(track, stands=True)
         if detection.followed:
             track = replace(track, hits=track.hits + 1)
         self.tracks[row] = self._judged(track)
@@ -273,7 +275,7 @@ class PeopleTracker:
             seen_ns=t_ns,
             ned_p_m=position,
             ned_p_cov_m2=covariance,
-            stands=detection.stands,
+            stands=track.stands or detection.stands,
         )
         return self._judged(seen)
 

@@ -223,6 +223,8 @@ def test_who_stood_elsewhere_and_can_have_walked_is_one_with_whoever_looks_the_s
     assert tracker.update([legs, first] if change == "together" else [legs], SECOND)[0] == 2
     look = legs.look if change == "clothes" else first.look
     tracker.tracks[-1] = replace(tracker.tracks[-1], looks=(legs.look, look))
+    # On the way out of the picture the edge cuts them: who stood once may walk.
+    assert tracker.update([replace(legs, known=2, fresh=False, stands=False)], SECOND + 1) == [2]
     assert tracker.doubles() == ([(2, 1)] if change == "none" else [])
 
 
