@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
@@ -60,7 +60,7 @@ class Choice:
     """A target on its way to the trackers; they may still be coming up.
 
     Args:
-        call: the command, answered by `advance` or `refuse`.
+        call: the command, answered by `advance` or `supersede`.
         box: x, y, width, height before the rotation, px.
         pictures: the one that the box was drawn on, and all since.
         t_ns: now, ns.
@@ -77,9 +77,15 @@ class Choice:
         if picture.t_ns - self._pictures[-1].t_ns >= _EVERY_NS:
             self._pictures.append(picture)
 
-    def refuse(self, outcome: str, reason: str) -> None:
-        """It comes to nothing."""
-        self._call.reply(Reply(outcome=outcome, reason=f"select: {reason}"))  # type: ignore[arg-type]
+    def supersede(self, follower: Follower | None, by: str) -> None:
+        """Another command has come: this one comes to nothing, and what it had begun is not followed."""
+        self._end("refused", f"superseded by {by}", follower)
+
+    def _end(self, outcome: Literal["refused", "failed"], reason: str, follower: Follower | None) -> None:
+        """Answer that it comes to nothing; a target from before is kept unless this one has replaced it."""
+        if self._begun and follower is not None:
+            follower.drop()
+        self._call.reply(Reply(outcome=outcome, reason=f"select: {reason}"))
 
     def advance(self, follower: Follower | None, t_ns: int) -> bool:
         """Give the trackers what they have not seen, for half a second at most; whether it is answered.
@@ -91,13 +97,13 @@ class Choice:
         if follower is None or not (self._begun or follower.fusion.pool.await_ready(0.0)):
             if t_ns < self._until_ns:
                 return False
-            self.refuse("failed", f"the trackers did not start within {_WAITING_S:g} s; see this node's log, try again")
+            told = f"the trackers did not start within {_WAITING_S:g} s; see this node's log, try again"
+            self._end("failed", told, follower)
             return True
         try:
             self._catch_up(follower)
         except ValueError as error:
-            self.refuse("refused", str(error))
-            follower.drop()
+            self._end("refused", str(error), follower)
             return True
         if len(self._pictures) > 1:
             return False
@@ -107,8 +113,8 @@ class Choice:
     def _catch_up(self, follower: Follower) -> None:
         end_s = time.monotonic() + _AT_ONCE_S
         if not self._begun:
-            self._begun = True
             follower.select(self._pictures[0], self._box, self._call.command.angle_rad)
+            self._begun = True
         while len(self._pictures) > 1 and time.monotonic() < end_s:  # the last one named stays, for its stamp
             self._pictures.popleft()
             follower.fusion.catch_up(self._pictures[0].frame, self._pictures[0].t_ns)

@@ -148,7 +148,7 @@ class FollowNode(Node):
     def on_command(self, call: CommandCall, inputs: Inputs, t_ns: int) -> Iterable[Output]:
         """`select` a target by its box, or `stop`."""
         if self._choice is not None:
-            self._choice.refuse("refused", f"superseded by {call.name} from {call.client}")
+            self._choice.supersede(self._follower, f"{call.name} from {call.client}")
             self._choice = None
         if call.name == "follow/do/stop":
             self._chosen = False

@@ -12,6 +12,7 @@ from common.geometry.config import CamerasConfig
 from common.messages import Command
 from common.node import CommandCall, ScriptedCall
 from common.processes import load_config
+from common.tracking.base import Box
 from onboard.follow.choice import Choice, Picture, Pictures
 from onboard.follow.follower import Follower
 
@@ -58,6 +59,39 @@ def test_trackers_that_come_up_late_catch_up() -> None:
         assert box is not None
         off_px = math.hypot(box[0] + box[2] / 2 - truth.x_px, box[1] + box[3] / 2 - truth.y_px)
         assert off_px < 10.0 < 100.0 < truth.x_px - pose.x_px
+    finally:
+        follower.close()
+
+
+@pytest.mark.slow
+def test_a_choice_that_comes_to_nothing_leaves_the_target_from_before_unless_it_has_replaced_it() -> None:
+    film = _film()
+    config = load_config("kite", ['hab_df.members=["dsst"]'])
+    follower = Follower(config, config.section(CamerasConfig).by_name()["down"].camera())
+
+    def choice(box: Box, pictures: list[Picture]) -> tuple[Choice, CommandCall]:
+        call = CommandCall(ScriptedCall("follow/do/select", Command(box_px=box)))
+        return Choice(call, box, pictures, S), call
+
+    try:
+        assert follower.fusion.pool.await_ready(40.0)
+        good = film[0][1].box()
+        first, _ = choice(good, [picture for picture, _ in film[:5]])
+        while not first.advance(follower, S):
+            pass
+        followed = follower.fusion.box
+        outside, call = choice((900.0, 10.0, 40.0, 40.0), [film[5][0]])
+        assert outside.advance(follower, S)
+        assert call.answer is not None and call.answer.outcome == "refused" and "640x480" in call.answer.reason
+        assert follower.active and follower.fusion.box == followed, "it goes on with what it had"
+        waiting, _ = choice(good, [film[5][0]])
+        waiting.supersede(follower, "a test")
+        assert follower.active and follower.fusion.box == followed
+        begun, call = choice(good, [film[5][0]])
+        begun._catch_up(follower)
+        begun.supersede(follower, "a test")
+        assert call.answer is not None and call.answer.reason == "select: superseded by a test"
+        assert not follower.active, "nobody was told that this one is followed"
     finally:
         follower.close()
 
