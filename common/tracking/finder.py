@@ -85,7 +85,11 @@ def back_projection(frame: np.ndarray, model: HistogramModel, gain: float | np.n
         model: its reference histograms; their mean is that of the whole object.
         gain: factor on the picture's values before they are binned; one, or (3,) for B, G, R.
     """
-    bins = binned(np.ascontiguousarray(frame), model.bins.table(gain))
+    return _likely(binned(np.ascontiguousarray(frame), model.bins.table(gain)), model)
+
+
+def _likely(bins: np.ndarray, model: HistogramModel) -> np.ndarray:
+    """The back-projection, (H, W) uint8, of a picture's bins (H, W)."""
     target = model.reference.mean(axis=0)
     scene = np.bincount(bins.ravel(), minlength=BINS) / bins.size
     share = target / np.maximum(target + scene, 1e-12)
@@ -151,15 +155,14 @@ def search(
     """
     judge = _Judge(frame, model, gain, nearby)
     coarse = np.ascontiguousarray(frame[::_STRIDE, ::_STRIDE])
-    likely, bins = back_projection(coarse, model, gain), binned(coarse, model.bins.table(gain))
+    bins = binned(coarse, model.bins.table(gain))
+    likely = _likely(bins, model)
     sizes_px = [size_px] if size_px is not None else [share * frame.shape[0] for share in _ANY_SIZES]
-    rough = [
-        judge.at(center * _STRIDE, expected_px)
-        for expected_px in sizes_px
-        for center in _centers(
-            likely, windows(likely, bins, model, expected_px / _STRIDE, _SEARCHES), expected_px / _STRIDE
-        )
-    ]
+    rough: list[Found] = []
+    for expected_px in sizes_px:
+        side_px = expected_px / _STRIDE
+        starts = windows(likely, bins, model, side_px, _SEARCHES)
+        rough += [judge.at(center * _STRIDE, expected_px) for center in _centers(likely, starts, side_px)]
     fine = [judge.refined(place, rng) for place in _best(rough, _REFINED)]
     return min(fine, key=lambda place: place.cost, default=None)
 
