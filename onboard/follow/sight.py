@@ -64,6 +64,12 @@ def in_camera(camera: Camera, pose: Pose, ned_p_m: Array) -> Array:
     return quat_rotate(turn, ned_p_m - eye)
 
 
+def in_ned(camera: Camera, pose: Pose, camera_p_m: Array) -> Array:
+    """The place (3,), NED, m, of one in the optical frame of the vehicle's camera, (3,), m."""
+    eye = pose.ned_p_m + quat_rotate(pose.ned_q_body, np.array(camera.body_p_camera_m))
+    return eye + quat_rotate(pose.ned_q_body, quat_rotate(camera.body_q_camera, camera_p_m))
+
+
 class Sight:
     """Place of the target from box, pose and, for a camera that looks ahead, distance.
 
@@ -127,8 +133,7 @@ class Sight:
         if estimate is None or not math.isfinite(float(estimate.position[2])):
             self.why_not = "no distance: no depth, and the target's foot is above the horizon; set follow.distance_m"
             return None
-        ray = quat_rotate(pose.ned_q_body, quat_rotate(self._camera.body_q_camera, self._camera.rays([centre])[0]))
-        return eye + ray * float(estimate.position[2])
+        return in_ned(self._camera, pose, self._camera.rays([centre])[0] * float(estimate.position[2]))
 
     def _first_distance(self, box: Box, eye: Array, pose: Pose, depth_m: Array | None) -> float | None:
         """Distance along the optical axis at the start, m, where the depth camera does not give it."""

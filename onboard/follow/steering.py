@@ -12,7 +12,7 @@ from common.messages import Request
 from common.tracking.base import Box
 from onboard.follow.config import FollowConfig
 from onboard.follow.law import FollowLaw, Vehicle
-from onboard.follow.sight import Sight, TargetPlace, in_camera, looks_ahead, whole_from_m
+from onboard.follow.sight import Sight, TargetPlace, in_camera, in_ned, looks_ahead, whole_from_m
 from onboard.fusion.depth import DepthConfig
 from onboard.fusion.foreseen import Foreseen, core_of
 from onboard.proximity.pose import Pose
@@ -57,6 +57,7 @@ class Steering:
         self._place.reset()
         self._sight = Sight(self._camera, self._config, self._depth)
         self._measured_ns = 0
+        self._cover: Array | None = None
         self._size_m: Array | None = None
         self._first_size_m = np.ones(2)
         self._with_depth = False
@@ -88,7 +89,8 @@ class Steering:
         (u, v), (width, height) = self._camera.project(seen[None])[0], self._size_m / seen[2]
         box = float(u - width / 2), float(v - height / 2), float(width), float(height)
         shape = (self._camera.height, self._camera.width)
-        return Foreseen(box, float(seen[2]), self._gone_m(t_ns), depth_m, shape, self._with_depth)
+        covered_m = math.nan if self._cover is None else float(in_camera(self._camera, pose, self._cover)[2])
+        return Foreseen(box, float(seen[2]), self._gone_m(t_ns), depth_m, shape, self._with_depth, covered_m)
 
     def step(
         self,
@@ -110,6 +112,8 @@ class Steering:
         self.why_not = "" if pose is not None and vehicle is not None else "no vehicle state for this picture"
         if box is not None and pose is not None:
             self._look(t_ns, box, pose, depth_m)
+        if pose is not None:
+            self._watch_cover(t_ns, pose, depth_m)
         state = self._place.at(t_ns)
         away_s = (t_ns - self._measured_ns) / 1e9
         if state is not None and vehicle is not None and away_s <= self._config.coast_s:
@@ -117,6 +121,17 @@ class Steering:
             return self._law.ask(state, vehicle, t_ns)
         self.why_not = self.why_not or f"target not seen for {min(away_s, 999.0):.1f} s"
         return None
+
+    def _watch_cover(self, t_ns: int, pose: Pose, depth_m: Array | None) -> None:
+        """Note where what covers the target is: while it goes on unseen, he may come to be as near as that."""
+        if self._measured_ns == t_ns:
+            self._cover = None
+        foreseen = self.expected(t_ns, pose, depth_m)
+        if foreseen is None or not math.isfinite(foreseen.before_m):
+            return
+        x, y, width, height = foreseen.box
+        ray = self._camera.rays([(x + width / 2, y + height / 2)])[0]
+        self._cover = in_ned(self._camera, pose, ray * foreseen.before_m)
 
     def _beside_m(self, found: Array, pose: Pose, t_ns: int) -> float:
         """How far a place (3,) is beside the line on which the target is foreseen, m; 0 of a first one."""

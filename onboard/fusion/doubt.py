@@ -66,6 +66,12 @@ def found_alone(similar: Mapping[str, float], boxes: Mapping[str, Box], last: Bo
     return (name,) if elsewhere and similar[name] >= SURELY else ()
 
 
+def together(names: frozenset[str], boxes: Mapping[str, Box]) -> frozenset[str]:
+    """Those of these trackers that agree with another one of them."""
+    among = {name: box for name, box in boxes.items() if name in names}
+    return frozenset(name for name in among if same_as(name, among))
+
+
 def same_as(name: str, boxes: Mapping[str, Box]) -> list[str]:
     """The other trackers whose box overlaps that of this one by half; none where it has no box."""
     if name not in boxes:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.tracking.base import Box
+from onboard.fusion.prior import as_foreseen
 
 Array = NDArray[np.float64]
 _CORE = ((0.25, 0.75), (0.3, 0.7))
@@ -22,6 +23,8 @@ _KNOWN = 0.3
 """Least share of the pixels there that have a depth for it to say anything."""
 _HIS = 0.25
 """Least share of those that are as far away as the target must be."""
+_MOSTLY = 0.5
+"""Share of those from which a box is of one thing."""
 _NEARER_M = 0.5
 """How much nearer or farther than foreseen a target that is seen may be, m: less than what passes before it."""
 _GROWN = 0.15
@@ -44,6 +47,15 @@ class Foreseen:
     """Rows and columns of the picture that the boxes are of."""
     measured: bool = False
     """Whether the depth camera measured the target's own distance when it was seen last."""
+    covered_m: float = math.nan
+    """How far away what has covered the target since it was seen last is now, m; NaN: nothing has."""
+
+    @property
+    def before_m(self) -> float:
+        """How far away what covers the target is, in this picture or since it was seen last, m; NaN: nothing does."""
+        core = None if self.depth_m is None else core_of(self.depth_m, self.box, self.shape)
+        nearer = np.zeros(0) if core is None else core[(core > 0.0) & (core < self.distance_m - _NEARER_M)]
+        return float(np.median(nearer)) if core is not None and len(nearer) > core.size / 2 else self.covered_m
 
     def excluded(self, boxes: Mapping[str, Box]) -> frozenset[str]:
         """Trackers in whose box everything is nearer or farther than the target can be, or is what stands before it.
@@ -52,14 +64,19 @@ class Foreseen:
         """
         if self.depth_m is None or not math.isfinite(self.distance_m):
             return frozenset()
-        before_m = self._before_m(self.depth_m)
+        before_m = self.before_m
         return frozenset(name for name, box in boxes.items() if self._at_another(self.depth_m, box, before_m))
 
-    def _before_m(self, depth_m: Array) -> float:
-        """How far away what now stands before the target is, m; NaN: nothing does."""
-        core = core_of(depth_m, self.box, self.shape)
-        nearer = np.zeros(0) if core is None else core[(core > 0.0) & (core < self.distance_m - _NEARER_M)]
-        return float(np.median(nearer)) if core is not None and len(nearer) > core.size / 2 else math.nan
+    def confirmed(self, boxes: Mapping[str, Box]) -> frozenset[str]:
+        """Trackers whose box is where, as large and as far as the target is foreseen; none where it is not measured."""
+        if self.depth_m is None or not math.isfinite(self.distance_m):
+            return frozenset()
+        before_m, depth_m = self.before_m, self.depth_m
+        return frozenset(
+            name
+            for name, box in boxes.items()
+            if as_foreseen(box, self.box) and self._share(core_of(depth_m, box, self.shape), before_m) > _MOSTLY
+        )
 
     def grown(self, box: Box) -> float:
         """By how much a box is larger (below 0: smaller) than the target can look, logarithm; 0 where it is not."""
@@ -82,9 +99,21 @@ class Foreseen:
             return False
         if len(known) < _KNOWN * core.size:
             return self.measured and self.distance_m + self.reach_m + _NEARER_M < float(depth_m.max())
-        if math.isfinite(before_m) and float(np.mean(np.abs(known - before_m) < _NEARER_M / 2)) > 0.5:
+        if float(np.mean(self._of_cover(known, before_m))) > _MOSTLY:
             return True
-        return float(np.mean(np.abs(known - self.distance_m) < _NEARER_M + self.reach_m)) < _HIS
+        return self._share(core, before_m) < _HIS
+
+    def _share(self, core: Array | None, before_m: float) -> float:
+        """Share of the measured pixels in the middle of a box that are as far as the target can be; 0 of too few."""
+        known = np.zeros(0) if core is None else core[core > 0.0]
+        if core is None or len(known) < _KNOWN * core.size:
+            return 0.0
+        his = np.abs(known - self.distance_m) < _NEARER_M + self.reach_m
+        return float(np.mean(his & ~self._of_cover(known, before_m)))
+
+    def _of_cover(self, known: Array, before_m: float) -> NDArray[np.bool_]:
+        """Which depths are of what covers the target: nobody is asked to be as far as that."""
+        return np.abs(known - before_m) < _NEARER_M / 2 if math.isfinite(before_m) else np.zeros(len(known), bool)
 
 
 def core_of(

@@ -153,7 +153,10 @@ class PictureFusion:
         riding = self._riding.look(self.grey, self._t_ns, self.place_px, seen)
         boxes = {name: self._fitted(box) for name, box in seen.items()}
         foreseen = None if self._foreseen is None else self._foreseen.box
-        verdict = self._witness.judge(self.grey, boxes, self._several, self.fused, self._t_ns, foreseen, riding)
+        confirmed = frozenset[str]() if self._foreseen is None else self._foreseen.confirmed(boxes)
+        verdict = self._witness.judge(
+            self.grey, boxes, self._several, self.fused, self._t_ns, foreseen, riding, confirmed
+        )
         for name in verdict.begun:
             self._fusion.forget(name, follow=True)
         return replace(verdict, silent=verdict.silent | excluded)

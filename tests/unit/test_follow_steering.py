@@ -151,6 +151,24 @@ def test_with_a_depth_camera_a_box_that_does_not_shrink_with_the_target_takes_no
     assert state is not None and state.distance_m > 6.2, "who passes before him does not tell how far he is"
 
 
+def test_what_has_covered_the_target_is_remembered_where_it_is_until_he_is_seen_again() -> None:
+    camera = _camera(0.17)
+    steering = Steering(FollowConfig(), DepthConfig(), camera)
+    box, pose = _seen(camera, 5.0, 0.0)
+    vehicle = Vehicle(pose.ned_p_m, np.zeros(3), 0.0, 0.0)
+    free, screen = np.full((120, 160), 5.0), np.full((120, 160), 3.8)
+    for k in range(30):
+        steering.step(S + k * S // 30, box, pose, vehicle, free)
+    for k in range(30, 50):
+        steering.step(S + k * S // 30, None, pose, vehicle, screen)
+    nearer = Pose(pose.ned_p_m + np.array([0.5, 0.0, 0.0]), pose.ned_q_body)
+    beside = steering.expected(S + 50 * S // 30, nearer, free)
+    assert beside is not None and beside.covered_m == pytest.approx(3.8 - 0.5 * math.cos(0.17), abs=0.02)
+    steering.step(S + 50 * S // 30, box, pose, vehicle, free)
+    seen = steering.expected(S + 51 * S // 30, pose, free)
+    assert seen is not None and math.isnan(seen.covered_m) and math.isnan(seen.before_m)
+
+
 def test_above_a_target_that_is_out_of_sight_its_motion_goes_on() -> None:
     place = TargetPlace(FollowConfig(), faced=False)
     for k in range(60):

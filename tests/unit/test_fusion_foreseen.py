@@ -52,6 +52,31 @@ def test_what_stands_before_the_target_is_not_the_target_however_long_it_stands_
     assert foreseen.excluded({"on it": _aside(10.0), "elsewhere": _aside(100.0)}) == {"on it"}
 
 
+def test_what_covered_the_target_is_not_he_either_once_it_has_passed_and_he_may_be_as_near() -> None:
+    screen = (155.0, 20.0, 90.0, 190.0)
+    depth = _depth((screen, 3.0), (HIS, 4.0))
+    depth[:, 77:] = _depth((screen, 3.0))[:, 77:]  # it stands before his right half
+    boxes = {"his": _aside(-5.0), "half on its edge": _aside(10.0)}
+    unseen = Foreseen(_aside(-30.0), 4.0, 1.5, depth, SHAPE)
+    assert not unseen.excluded(boxes), "within a second and a half he can have come there"
+    assert replace(unseen, covered_m=3.05).excluded(boxes) == {"half on its edge"}
+
+
+def test_a_box_is_confirmed_where_it_is_as_large_and_as_far_as_the_target_is_foreseen() -> None:
+    x, y, width, height = HIS
+    boxes = {
+        "his": _aside(8.0),
+        "aside": _aside(60.0),
+        "large": (x - width / 2, y - height / 2, 2 * width, 2 * height),
+    }
+    foreseen = Foreseen(HIS, 4.0, 0.0, _depth(((0.0, 0.0, 320.0, 240.0), 4.2)), SHAPE)
+    assert foreseen.confirmed(boxes) == {"his"}
+    assert not replace(foreseen, distance_m=3.0).confirmed(boxes)
+    assert not replace(foreseen, covered_m=4.2).confirmed(boxes), "that is what has covered him"
+    for unknown in (replace(foreseen, depth_m=None), replace(foreseen, depth_m=np.zeros((120, 160)))):
+        assert not unknown.confirmed(boxes)
+
+
 def test_a_box_counts_by_what_fills_its_middle_and_not_by_what_shows_beside_the_target() -> None:
     depth = np.full((120, 160), 6.0)
     depth[30:80, 72:83] = 4.0
