@@ -22,6 +22,8 @@ TARGETS = ("face", "bin")
 _SIZE_PX, _FIELD_RAD = (320, 240), math.radians(60.0)
 _PLACE = np.array([0.0, 0.0, -1.2])
 _SERVO_S = 0.06
+_STEP_RAD = 2 * math.pi / 4096
+"""Step in which the servos tell their angles (Dynamixel MX-28)."""
 _CALM_S = 3.0
 """How long it takes at the start until the target moves and turns as much as it does later."""
 _TURN, _TURN_S = {"face": 1.1, "bin": 1.4}, {"face": (9.0, 3.0), "bin": (14.0, 7.0)}
@@ -113,13 +115,14 @@ def follow(course: Course, tracker: Tracker) -> Score:
         target, others = course.things(index)
         frame = course.hall.picture(lens, [target, *others], Light(turn_rad_s=turned))
         truth = lens.show(target)
-        head.turned(t_ns, pan, tilt)
+        head.turned(t_ns, *(round(angle / _STEP_RAD) * _STEP_RAD for angle in (pan, tilt)))
+        expected = head.expected(frame)
         if index == 0 and truth is not None:
             tracker.init(frame, truth.box, 0.0, t_ns)
             box: Box | None = truth.box
         else:
             if isinstance(tracker, HabDfTracker):
-                tracker.foresee(head.expected())
+                tracker.foresee(expected)
             box = box_of(tracker.update(frame, t_ns))
         asked = head.step(box)
         before = pan

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from common.geometry.camera import Camera
 from common.tracking.base import Box
+from onboard.follow.backdrop import Backdrop
 from onboard.follow.pan_tilt import PanTiltConfig, PanTiltLaw
 from onboard.fusion.foreseen import Foreseen
 from onboard.fusion.motion import MotionFilter
@@ -23,6 +24,9 @@ _DIRECTION_RAD, _START_RAD_S, _DENSITY = 0.01, 0.5, 1.5
 density of its acceleration, rad/s^1.5: a person, or what one carries, a metre or two away."""
 _SIZE_MEMORY_S = 1.0
 """Time constant with which the size of what is expected follows the box, s."""
+_REACH, _REACH_1_S = 0.5, 2.0
+"""How far from where it is foreseen the one thing that is not the room may be for it to be the target: target sizes,
+and more for each second since it was seen."""
 
 
 class HeadFollower:
@@ -36,6 +40,7 @@ class HeadFollower:
     def __init__(self, config: PanTiltConfig, camera: Camera):
         self._config, self._camera = config, camera
         self._law = PanTiltLaw(config)
+        self._backdrop = Backdrop(camera, (config.pan_limit_rad, config.tilt_limit_rad))
         self._target: MotionFilter | None = None
         self._angles, self._turned_ns = np.zeros(2), 0
         self._size = np.zeros(2)
@@ -54,15 +59,21 @@ class HeadFollower:
             )
         self._angles, self._turned_ns = np.array([pan_rad, tilt_rad]), t_ns
 
-    def expected(self) -> Foreseen | None:
-        """Where the picture of the time of the last `turned` should show the target; None: unknown."""
-        off = self._off()
+    def expected(self, frame: NDArray[np.uint8]) -> Foreseen | None:
+        """Where a picture of the time of the last `turned` should show the target, and what in it is not the room.
+
+        Args:
+            frame: the picture, (H, W, 3) uint8 BGR.
+
+        Returns:
+            None: unknown.
+        """
+        apart, off = self._backdrop.look(frame, *self._angles.tolist()), self._off()
         if off is None or np.abs(off).max() > math.pi / 3:
             return None
-        u = self._camera.cx_px + self._camera.fx_px * math.tan(off[0])
-        v = self._camera.cy_px - self._camera.fy_px * math.tan(off[1])
-        width, height = self._size.tolist()
-        return Foreseen((u - width / 2, v - height / 2, width, height))
+        away_s = (self._turned_ns - self._seen_ns) * 1e-9
+        reach_px = (_REACH + _REACH_1_S * away_s) * math.sqrt(float(self._size.prod()))
+        return Foreseen(self._box(off), reach_px=reach_px, apart=apart)
 
     def step(self, box: Box | None) -> tuple[float, float]:
         """Pan and tilt to command, rad, for the picture of the time of the last `turned`.
@@ -78,7 +89,15 @@ class HeadFollower:
             off = self._off()
         if off is None:
             return self._law.pan_rad, self._law.tilt_rad
+        self._backdrop.learn(self._box(off))
         return self._law.step(float(off[0]), float(off[1]), dt_s)
+
+    def _box(self, off: Array) -> Box:
+        """Where a target is in the picture that is so far to the right of and above the middle, (2,), rad, px."""
+        u = self._camera.cx_px + self._camera.fx_px * math.tan(off[0])
+        v = self._camera.cy_px - self._camera.fy_px * math.tan(off[1])
+        width, height = self._size.tolist()
+        return u - width / 2, v - height / 2, width, height
 
     def _off(self) -> Array | None:
         """Where the target is by now, to the right of and above the middle, (2,), rad; None once away for too long.

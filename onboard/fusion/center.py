@@ -113,6 +113,10 @@ class Fusion:
         self._lost[name] = False
         self._vote.restore(name)
 
+    def vouch(self, name: str) -> None:
+        """Somebody knows that the source of this name is right: that it agreed with nobody is not held against it."""
+        self._vote.restore(name)
+
     def step(self, measurements: Sequence[Measurement], t_ns: int, control: np.ndarray | None = None) -> Fused:
         """Fused answer for an instant from what has arrived since the last one.
 

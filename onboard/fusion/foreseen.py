@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from common.tracking.base import Box
 from onboard.fusion.prior import as_foreseen
+from onboard.fusion.silhouette import silhouette
 
 Array = NDArray[np.float64]
 _CORE = ((0.25, 0.75), (0.3, 0.7))
@@ -49,6 +50,11 @@ class Foreseen:
     """Whether the depth camera measured the target's own distance when it was seen last."""
     covered_m: float = math.nan
     """How far away what has covered the target since it was seen last is now, m; NaN: nothing has."""
+    reach_px: float = 0.0
+    """How far from there the middle of what is no part of the surroundings can be for it to be the target, px."""
+    apart: NDArray[np.int8] | None = None
+    """What in it is no part of the surroundings: 1, what is: -1, what is unknown: 0, (h, w), at any size; None where
+    nobody knows them."""
 
     @property
     def before_m(self) -> float:
@@ -56,6 +62,10 @@ class Foreseen:
         core = None if self.depth_m is None else core_of(self.depth_m, self.box, self.shape)
         nearer = np.zeros(0) if core is None else core[(core > 0.0) & (core < self.distance_m - _NEARER_M)]
         return float(np.median(nearer)) if core is not None and len(nearer) > core.size / 2 else self.covered_m
+
+    def whole(self, shape: tuple[int, ...]) -> Box | None:
+        """Box of the one thing there that is no part of the surroundings, px of a picture of this shape; None: none."""
+        return None if self.apart is None else silhouette(self.apart, self.box, self.reach_px, shape)
 
     def excluded(self, boxes: Mapping[str, Box]) -> frozenset[str]:
         """Trackers in whose box everything is nearer or farther than the target can be, or is what stands before it.

@@ -13,6 +13,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
+from common.evaluation import jaccard
 from common.tracking.base import Box, Expectation, TrackResult, upright_box
 from onboard.fusion.camera_motion import CameraMotion, expectation
 from onboard.fusion.center import Fused, Fusion
@@ -21,12 +22,15 @@ from onboard.fusion.config import FusionConfig
 from onboard.fusion.foreseen import Foreseen
 from onboard.fusion.members import Answer
 from onboard.fusion.riding import Riding
+from onboard.fusion.silhouette import SILHOUETTE
 from onboard.fusion.source import Measurement
 from onboard.fusion.witness import Verdict, Witness, agreed
 
 _LEAST_SIDE_PX = 6.0
 _DOUBTED = 0.25
 """Confidence of one that is doubted, at most: below its threshold, however sure of itself it is."""
+_ON_IT, _IT = 0.4, 0.6
+"""Least overlap with the one thing that is no part of the surroundings of who is heard beside it, and who is right."""
 _ASTRAY_S = 0.3
 """How long a tracker must have been where, or as large as, the target cannot be for it to be put on the answer, s."""
 
@@ -53,8 +57,10 @@ class PictureFusion:
         """The stamp, ns, and the result of what each tracker said last."""
         self._t_ns = t_ns
         self._foreseen: Foreseen | None = None
+        self._whole: Box | None = None
+        """What is no part of the surroundings, and can be the target, in the newest picture, px."""
         self._astray: dict[str, int] = {}
-        self._fusion = Fusion([source_of(name) for name in names], config)
+        self._fusion = Fusion([*(source_of(name) for name in names), SILHOUETTE], config)
         self._several = len(set(names)) > 1
         self._witness = Witness(self.grey, box, t_ns, len(set(names)))
         self._riding = Riding()
@@ -74,9 +80,12 @@ class PictureFusion:
 
     @property
     def vouched(self) -> bool:
-        """Whether trackers may be put on the fused box (`Witness.vouches`)."""
+        """Whether trackers may be put on the fused box (`Witness.vouches`), or it is all that is there."""
         box, fused = self.box, self.fused
-        return box is not None and fused is not None and self._witness.vouches(self.grey, box, fused)
+        if box is None or fused is None:
+            return False
+        on_it = self._whole is not None and jaccard(box, self._whole) > _IT
+        return on_it or self._witness.vouches(self.grey, box, fused)
 
     @property
     def astray(self) -> frozenset[str]:
@@ -92,6 +101,7 @@ class PictureFusion:
             foreseen: where somebody who knows the target's motion over ground expects it in it; None: nobody does.
         """
         self._foreseen = foreseen
+        self._whole = None if foreseen is None else foreseen.whole(frame.shape)
         self.grey, self._t_ns = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), t_ns
         before, self.place_px = self.place_px, self._camera.see(self.grey, t_ns)
         if self.fused is not None:
@@ -127,13 +137,28 @@ class PictureFusion:
                 seen_at, doubted = self._camera.at(answer.t_ns), name in verdict.doubted
                 fitted = self._fitted(upright_box(answer.result))
                 measurements.append(_measurement_of(name, answer.result, fitted, answer.t_ns, seen_at, doubted))
-        fused = self.fused = _shifted(self._fusion.step(measurements, self._t_ns), self.place_px)
+        measurements += self._seen_apart(answers)
+        fused = _shifted(self._fusion.step(measurements, self._t_ns), self.place_px)
+        fused = self.fused = replace(fused, restart=tuple(n for n in fused.restart if n != SILHOUETTE.name))
         if fused.state == "tracking":
             self._fit(float(fused.value[3]), float(fused.value[2]))
             box = self.box
             if measurements and box is not None:
                 self._witness.learn(self.grey, box, fused)
         return fused
+
+    def _seen_apart(self, answers: Mapping[str, Answer]) -> list[Measurement]:
+        """The thing that is no part of the surroundings, as a measurement; it vouches for trackers that are on it."""
+        whole = self._whole
+        if whole is None:
+            return []
+        if self.fused is None or self.fused.state != "tracking":
+            self._fusion.forget(SILHOUETTE.name, follow=True)
+        now = {n: a.result for n, a in answers.items() if a.result is not None and a.t_ns == self._t_ns}
+        on_it = {n for n, r in now.items() if r.state == "tracking" and jaccard(upright_box(r), whole) > _IT}
+        for name in (*on_it, SILHOUETTE.name):
+            self._fusion.vouch(name)
+        return [Measurement(SILHOUETTE.name, self._t_ns, _value_of(whole, self.place_px))]
 
     def put(self, name: str) -> None:
         """A tracker was put on the answer in the newest picture."""
@@ -167,6 +192,8 @@ class PictureFusion:
             self._astray.clear()
             return frozenset()
         excluded = self._foreseen.excluded(boxes)
+        if self._whole is not None:
+            excluded |= {name for name, box in boxes.items() if jaccard(box, self._whole) < _ON_IT}
         for name, box in boxes.items():
             if name in excluded or self._foreseen.grown(box) != 0.0:
                 self._astray.setdefault(name, self._t_ns)
@@ -220,9 +247,12 @@ def _measurement_of(
     """
     if answer.state != "tracking":
         return Measurement(name, t_ns, None)
-    x, y, width, height = box
     confidence = min(1.0, 0.5 * answer.score / answer.score_limit) if answer.score_limit > 0 else answer.score
     confidence = min(confidence, _DOUBTED) if doubted else confidence
-    return Measurement(
-        name, t_ns, np.array([x + width / 2 - place_px[0], y + height / 2 - place_px[1], height, width]), confidence
-    )
+    return Measurement(name, t_ns, _value_of(box, place_px), confidence)
+
+
+def _value_of(box: Box, place_px: np.ndarray) -> np.ndarray:
+    """u, v, h, w of a box, (4,), px, in the coordinates of a still camera; the picture has moved by place_px, (2,)."""
+    x, y, width, height = box
+    return np.array([x + width / 2 - place_px[0], y + height / 2 - place_px[1], height, width])

@@ -16,6 +16,7 @@ EYE = camera(320, 240, math.radians(60.0))
 STEP_NS = 33_333_333
 STEP_S = STEP_NS * 1e-9
 CONFIG = PanTiltConfig()
+NOTHING = np.zeros((240, 320, 3), np.uint8)
 
 
 def _box(off: np.ndarray) -> Box:
@@ -30,7 +31,7 @@ def test_a_target_that_goes_on_is_expected_where_it_is_and_turned_after_while_it
     offs = []
     for index in range(220):
         follower.turned(index * STEP_NS, *head.tolist())
-        foreseen, off, seen = follower.expected(), target - head, index < 120
+        foreseen, off, seen = follower.expected(NOTHING), target - head, index < 120
         expected = None if foreseen is None else foreseen.box
         if 10 < index < 120:
             assert expected == pytest.approx(_box(off), abs=5.0)
@@ -50,7 +51,7 @@ def test_a_target_that_goes_on_is_expected_where_it_is_and_turned_after_while_it
 def test_a_head_without_a_target_stays_and_bad_servos_are_refused() -> None:
     follower = HeadFollower(CONFIG, EYE)
     follower.turned(0, 0.0, 0.0)
-    assert follower.expected() is None and follower.step(None) == (0.0, 0.0)
+    assert follower.expected(NOTHING) is None and follower.step(None) == (0.0, 0.0)
     with pytest.raises(ValueError, match="expected finite"):
         follower.turned(10, math.inf, 0.0)
     follower.turned(10, 0.0, 0.0)

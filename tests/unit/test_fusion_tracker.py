@@ -49,7 +49,7 @@ class Movable(Scripted):
         self.box = box
 
 
-def _fused(*members: Scripted) -> HabDfTracker:
+def fused(*members: Scripted) -> HabDfTracker:
     tracker = HabDfTracker({f"m{i}": m for i, m in enumerate(members)}, FusionConfig())
     tracker.init(FRAME, BOX, 0.0, 0)
     return tracker
@@ -62,7 +62,7 @@ def _run(tracker: HabDfTracker, begin: int, end: int) -> TrackResult:
 
 
 def test_agreeing_members_give_their_box() -> None:
-    tracker = _fused(Scripted(), Scripted(), Scripted())
+    tracker = fused(Scripted(), Scripted(), Scripted())
     result = _run(tracker, 1, 10)
     assert result.state == "tracking"
     assert result.overlap(BOX) > 0.98
@@ -72,7 +72,7 @@ def test_agreeing_members_give_their_box() -> None:
 
 def test_drifted_member_is_outvoted_then_started_anew_and_a_placeable_one_only_moved() -> None:
     members = Scripted(), Scripted(), Movable()
-    tracker = _fused(*members)
+    tracker = fused(*members)
     _run(tracker, 1, 20)
     members[2].box = (200.0, 150.0, 40.0, 30.0)
     result = _run(tracker, 20, 30)
@@ -90,7 +90,7 @@ def test_drifted_member_is_outvoted_then_started_anew_and_a_placeable_one_only_m
 
 def test_a_member_where_the_target_cannot_be_is_not_heard_and_is_put_back_though_it_sees_one() -> None:
     members = Movable(), Movable()
-    tracker = _fused(*members)
+    tracker = fused(*members)
     depth = np.full((120, 160), 4.0)
     depth[:, 90:] = 3.0
     for k in range(1, 30):
@@ -109,7 +109,7 @@ def test_a_member_where_the_target_cannot_be_is_not_heard_and_is_put_back_though
 
 def test_of_members_that_disagree_after_a_loss_the_one_that_looks_like_the_target_speaks() -> None:
     right, wrong = Scripted(), Scripted()
-    tracker = _fused(wrong, right)
+    tracker = fused(wrong, right)
     _run(tracker, 1, 10)
     moved = FRAME.copy()
     there: Box = (220.0, 30.0, 40.0, 30.0)
@@ -131,7 +131,7 @@ def test_of_members_that_disagree_after_a_loss_the_one_that_looks_like_the_targe
 
 def test_lost_when_all_are() -> None:
     members = Scripted(), Scripted()
-    tracker = _fused(*members)
+    tracker = fused(*members)
     _run(tracker, 1, 10)
     for member in members:
         member.state = "lost"
@@ -143,7 +143,7 @@ def test_lost_when_all_are() -> None:
 
 def test_expectation_reaches_every_member() -> None:
     members = Scripted(), Scripted()
-    tracker = _fused(*members)
+    tracker = fused(*members)
     expectation = Expectation((1.0, 2.0), 0.0, (0.0, 0.0), 0.0, 1.0)
     tracker.expect(expectation)
     assert [m.expected for m in members] == [[expectation]] * 2
