@@ -133,6 +133,12 @@ install_python_packages() {
     fail "pip could not install outrider[$extras]; the lines above say why"
 }
 
+# Else every process of the first demo, and every worker of the first test run, would compile them all for itself.
+compile_loops() {
+  say "compiling loops (half a minute, once)"
+  "$VENV/bin/python" scripts/compile_loops.py >/dev/null || fail "could not compile the loops; the lines above say why"
+}
+
 check_rendering() {
   local output
   output="$(MUJOCO_GL="${MUJOCO_GL:-egl}" "$VENV/bin/python" - 2>&1 <<'PYTHON'
@@ -231,6 +237,7 @@ main() {
   make_venv
   install_python_packages
   check_rendering
+  compile_loops
   fetch_pose_network
   if [ "$LEVEL" = test ]; then
     check_chromium

@@ -9,6 +9,8 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, settings
 
+import common  # noqa: F401 — before NumPy, which looks at import how many threads linear algebra has: one a process
+
 _FOLDER_MARKS = ("system", "browser")
 _LANES = {
     "flights": (
