@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from common.tracking.base import Box
 from onboard.follow.config import FollowConfig
 from onboard.follow.law import FollowLaw, Vehicle
 from onboard.follow.sight import Sight, TargetPlace, in_camera, in_ned, looks_ahead, whole_from_m
+from onboard.follow.solid import Solid
 from onboard.fusion.depth import DepthConfig
 from onboard.fusion.foreseen import Foreseen, core_of
 from onboard.proximity.pose import Pose
@@ -49,6 +51,7 @@ class Steering:
         """Take another calibration, which says anew how far the target is; what is kept is kept."""
         if camera != self._camera:
             self._camera = camera
+            self._solid = Solid(camera)
             self._sight = Sight(camera, self._config, self._depth)
 
     def reset(self) -> None:
@@ -56,6 +59,7 @@ class Steering:
         self._law.reset()
         self._place.reset()
         self._sight = Sight(self._camera, self._config, self._depth)
+        self._solid = Solid(self._camera)
         self._measured_ns = 0
         self._cover: Array | None = None
         self._size_m: Array | None = None
@@ -71,13 +75,20 @@ class Steering:
     def expected(self, t_ns: int, pose: Pose | None, depth_m: Array | None = None) -> Foreseen | None:
         """Where a picture should show the target by its own motion over ground and the vehicle's, and what is there.
 
-        None without a target or a pose, behind the camera, or once it has been away for too long.
+        With what stands there, where a depth camera shows it. None without a target or a pose, behind the camera, or
+        once it has been away for too long.
 
         Args:
             t_ns: capture stamp of the picture, ns.
             pose: the vehicle then.
             depth_m: depth picture that belongs to it, (h, w), m, 0 for none, at any size; None without a depth camera.
         """
+        foreseen = self._foreseen(t_ns, pose, depth_m)
+        if foreseen is None or pose is None:
+            return foreseen
+        return replace(foreseen, solid=self._solid.find(pose, foreseen, self._reach_m(t_ns)))
+
+    def _foreseen(self, t_ns: int, pose: Pose | None, depth_m: Array | None) -> Foreseen | None:
         state = self._place.at(t_ns)
         if state is None or pose is None or self._size_m is None:
             return None
@@ -126,7 +137,7 @@ class Steering:
         """Note where what covers the target is: while it goes on unseen, he may come to be as near as that."""
         if self._measured_ns == t_ns:
             self._cover = None
-        foreseen = self.expected(t_ns, pose, depth_m)
+        foreseen = self._foreseen(t_ns, pose, depth_m)
         if foreseen is None or not math.isfinite(foreseen.before_m):
             return
         x, y, width, height = foreseen.box
@@ -161,7 +172,7 @@ class Steering:
         return core_of(depth_m, box, (self._camera.height, self._camera.width), about_m, self._gone_m(t_ns))
 
     def _look(self, t_ns: int, box: Box, pose: Pose, depth_m: Array | None) -> None:
-        foreseen = self.expected(t_ns, pose, depth_m)
+        foreseen = self._foreseen(t_ns, pose, depth_m)
         if foreseen is not None and foreseen.excluded({"it": box}):
             return  # what is there is nearer or farther than he can be
         core = self._core(t_ns, box, pose, depth_m)
@@ -175,6 +186,8 @@ class Steering:
             level_m = float(np.hypot(*(found - pose.ned_p_m)[:2]))
             self._law.least_m = whole_from_m(self._camera, box, pose, level_m, self._config.slew_m_s2)
         self._place.measure(found, t_ns)
+        if foreseen is not None:
+            self._solid.learn(t_ns, box, pose, foreseen)
         size_m = np.array(box[2:]) * in_camera(self._camera, pose, found)[2]
         share = -math.expm1(-(t_ns - self._measured_ns) * 1e-9 / _SIZE_MEMORY_S)
         if self._size_m is None:

@@ -66,10 +66,9 @@ def found_alone(similar: Mapping[str, float], boxes: Mapping[str, Box], last: Bo
     return (name,) if elsewhere and similar[name] >= SURELY else ()
 
 
-def together(names: frozenset[str], boxes: Mapping[str, Box]) -> frozenset[str]:
-    """Those of these trackers that agree with another one of them."""
-    among = {name: box for name, box in boxes.items() if name in names}
-    return frozenset(name for name in among if same_as(name, among))
+def together(boxes: Mapping[str, Box]) -> frozenset[str]:
+    """Those that agree with another one of them."""
+    return frozenset(name for name in boxes if same_as(name, boxes))
 
 
 def same_as(name: str, boxes: Mapping[str, Box]) -> list[str]:

@@ -55,6 +55,8 @@ class Foreseen:
     apart: NDArray[np.int8] | None = None
     """What in it is no part of the surroundings: 1, what is: -1, what is unknown: 0, (h, w), at any size; None where
     nobody knows them."""
+    solid: Box | None = None
+    """Where the depth camera shows a thing of its size at its place, px, whatever its look; None: it does not."""
 
     @property
     def before_m(self) -> float:
@@ -118,12 +120,19 @@ class Foreseen:
         known = np.zeros(0) if core is None else core[core > 0.0]
         if core is None or len(known) < _KNOWN * core.size:
             return 0.0
-        his = np.abs(known - self.distance_m) < _NEARER_M + self.reach_m
-        return float(np.mean(his & ~self._of_cover(known, before_m)))
+        return float(np.mean(self._as_far(known, before_m)))
+
+    def as_far(self, depth_m: Array) -> NDArray[np.bool_]:
+        """Which depths, m, of any shape, are as far as the target can be, and not of what covers it."""
+        return self._as_far(depth_m, self.before_m)
+
+    def _as_far(self, depth_m: Array, before_m: float) -> NDArray[np.bool_]:
+        near = np.abs(depth_m - self.distance_m) < _NEARER_M + self.reach_m
+        return near & (depth_m > 0.0) & ~self._of_cover(depth_m, before_m)
 
     def _of_cover(self, known: Array, before_m: float) -> NDArray[np.bool_]:
         """Which depths are of what covers the target: nobody is asked to be as far as that."""
-        return np.abs(known - before_m) < _NEARER_M / 2 if math.isfinite(before_m) else np.zeros(len(known), bool)
+        return np.abs(known - before_m) < _NEARER_M / 2 if math.isfinite(before_m) else np.zeros(known.shape, bool)
 
 
 def core_of(

@@ -19,6 +19,7 @@ from onboard.fusion.camera_motion import CameraMotion, expectation
 from onboard.fusion.center import Fused, Fusion
 from onboard.fusion.characters import source_of
 from onboard.fusion.config import FusionConfig
+from onboard.fusion.doubt import together
 from onboard.fusion.foreseen import Foreseen
 from onboard.fusion.members import Answer
 from onboard.fusion.riding import Riding
@@ -31,6 +32,11 @@ _DOUBTED = 0.25
 """Confidence of one that is doubted, at most: below its threshold, however sure of itself it is."""
 _ON_IT, _IT = 0.4, 0.6
 """Least overlap with the one thing that is no part of the surroundings of who is heard beside it, and who is right."""
+_HEARD = 0.5
+"""Least reliability of a tracker that sees the target."""
+_SOLID_ALONE_S, _SOLID = 3.0, 0.6
+"""How long the depth camera's thing is heard by itself, s: then it may be anything that stands there. And its
+confidence: of several things it may be the wrong one."""
 _ASTRAY_S = 0.3
 """How long a tracker must have been where, or as large as, the target cannot be for it to be put on the answer, s."""
 
@@ -61,6 +67,7 @@ class PictureFusion:
         """What is no part of the surroundings, and can be the target, in the newest picture, px."""
         self._astray: dict[str, int] = {}
         self._fusion = Fusion([*(source_of(name) for name in names), SILHOUETTE], config)
+        self._seen_ns = t_ns
         self._several = len(set(names)) > 1
         self._witness = Witness(self.grey, box, t_ns, len(set(names)))
         self._riding = Riding()
@@ -137,8 +144,10 @@ class PictureFusion:
                 seen_at, doubted = self._camera.at(answer.t_ns), name in verdict.doubted
                 fitted = self._fitted(upright_box(answer.result))
                 measurements.append(_measurement_of(name, answer.result, fitted, answer.t_ns, seen_at, doubted))
-        measurements += self._seen_apart(answers)
+        measurements += self._of_thing(answers)
         fused = _shifted(self._fusion.step(measurements, self._t_ns), self.place_px)
+        if any(j.reliability > _HEARD for name, j in fused.sources.items() if name != SILHOUETTE.name):
+            self._seen_ns = self._t_ns
         fused = self.fused = replace(fused, restart=tuple(n for n in fused.restart if n != SILHOUETTE.name))
         if fused.state == "tracking":
             self._fit(float(fused.value[3]), float(fused.value[2]))
@@ -147,18 +156,26 @@ class PictureFusion:
                 self._witness.learn(self.grey, box, fused)
         return fused
 
-    def _seen_apart(self, answers: Mapping[str, Answer]) -> list[Measurement]:
-        """The thing that is no part of the surroundings, as a measurement; it vouches for trackers that are on it."""
-        whole = self._whole
-        if whole is None:
+    def _of_thing(self, answers: Mapping[str, Answer]) -> list[Measurement]:
+        """The thing at the target's place, as a measurement; it vouches for trackers that are on it."""
+        thing = self._whole or self._solid
+        if thing is None:
             return []
         if self.fused is None or self.fused.state != "tracking":
             self._fusion.forget(SILHOUETTE.name, follow=True)
         now = {n: a.result for n, a in answers.items() if a.result is not None and a.t_ns == self._t_ns}
-        on_it = {n for n, r in now.items() if r.state == "tracking" and jaccard(upright_box(r), whole) > _IT}
+        on_it = {n for n, r in now.items() if r.state == "tracking" and jaccard(upright_box(r), thing) > _IT}
         for name in (*on_it, SILHOUETTE.name):
             self._fusion.vouch(name)
-        return [Measurement(SILHOUETTE.name, self._t_ns, _value_of(whole, self.place_px))]
+        confidence = _SOLID if self._whole is None else 1.0
+        return [Measurement(SILHOUETTE.name, self._t_ns, _value_of(thing, self.place_px), confidence)]
+
+    @property
+    def _solid(self) -> Box | None:
+        """What stands at the target's place by the depth camera, unless no tracker has seen the target for long."""
+        if self._foreseen is None or self._t_ns - self._seen_ns > _SOLID_ALONE_S * 1e9:
+            return None
+        return self._foreseen.solid
 
     def put(self, name: str) -> None:
         """A tracker was put on the answer in the newest picture."""
@@ -178,7 +195,7 @@ class PictureFusion:
         riding = self._riding.look(self.grey, self._t_ns, self.place_px, seen)
         boxes = {name: self._fitted(box) for name, box in seen.items()}
         foreseen = None if self._foreseen is None else self._foreseen.box
-        confirmed = frozenset[str]() if self._foreseen is None else self._foreseen.confirmed(boxes)
+        confirmed = self._confirmed(boxes)
         verdict = self._witness.judge(
             self.grey, boxes, self._several, self.fused, self._t_ns, foreseen, riding, confirmed
         )
@@ -200,6 +217,14 @@ class PictureFusion:
             else:
                 self._astray.pop(name, None)
         return excluded
+
+    def _confirmed(self, boxes: Mapping[str, Box]) -> frozenset[str]:
+        """Trackers that agree with another, or with what stands there, where the depth camera has the target."""
+        if self._foreseen is None:
+            return frozenset()
+        there = self._foreseen.confirmed(boxes)
+        thing = {} if self._solid is None else {SILHOUETTE.name: self._solid}
+        return together({n: box for n, box in boxes.items() if n in there} | thing) - {SILHOUETTE.name}
 
     def _fitted(self, box: Box) -> Box:
         """A tracker's box, no larger and no smaller than the target can look."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from common.tracking.base import Box
 from onboard.fusion.center import Fused
-from onboard.fusion.doubt import ALONE_UNLIKE, CLEARLY, SURELY, doubted, found_alone, same_as, together
+from onboard.fusion.doubt import ALONE_UNLIKE, CLEARLY, SURELY, doubted, found_alone, same_as
 from onboard.fusion.look import Look
 from onboard.fusion.prior import as_foreseen, elsewhere, out_of_reach, outshining, rivals
 
@@ -99,7 +99,7 @@ class Witness:
             t_ns: stamp of the picture, ns.
             foreseen: where the target's motion over ground leads one to expect it, px; None: unknown.
             riding: since when each tracker has seen the target without a break whose box's content moves with it, ns.
-            confirmed: trackers whose box is where, as large and, by a depth camera, as far as the target is foreseen.
+            confirmed: trackers that agree with another source where, by a depth camera, the target is.
         """
         fused = None if fused is None or fused.state == "waiting" else fused
         if fused is not None and fused.state != "tracking" and t_ns - self._supported_ns >= _BROKEN_S * 1e9:
@@ -120,8 +120,7 @@ class Witness:
         heard = boxes.keys() if self._chosen is None else {self._chosen, *same_as(self._chosen, boxes)}
         least = _FOUND_UNLIKE if self._broken else _ALONE_THERE_UNLIKE
         followed = () if foreseen is not None else (n for n in boxes if riding.get(n, t_ns) <= self._agreed_ns)
-        doubts = doubted(similar, boxes, among, least, foreseen, frozenset(followed))
-        doubts -= together(confirmed, boxes)
+        doubts = doubted(similar, boxes, among, least, foreseen, frozenset(followed)) - confirmed
         return Verdict(doubts, others | (boxes.keys() - heard), begun)
 
     def _overruling(

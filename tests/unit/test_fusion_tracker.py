@@ -107,6 +107,36 @@ def test_a_member_where_the_target_cannot_be_is_not_heard_and_is_put_back_though
     assert result.size_px[0] < 1.2 * BOX[2], "twice as large he cannot be, whoever says so"
 
 
+def test_what_stands_at_the_targets_place_is_followed_for_a_while_by_itself_and_overrules_one_that_sees_another() -> (
+    None
+):
+    members = Scripted(), Scripted()
+    tracker = fused(*members)
+    solid: Box = (104.0, 81.0, 38.0, 31.0)
+    there = Foreseen(BOX, 4.0, 0.0, np.full((120, 160), 4.0), FRAME.shape[:2], solid=solid)
+    _run(tracker, 1, 10)
+    for member in members:
+        member.state = "lost"
+    states = []
+    for k in range(10, 120):
+        tracker.foresee(there)
+        result = tracker.update(FRAME, k * 40_000_000)
+        states.append(result.state)
+        assert result.overlap(solid) > 0.9 or k < 15
+    assert states[0] == "tracking"
+    assert states.index("predicted") == pytest.approx(3.0 / 0.04, abs=2), "it may be anything that stands there"
+    members[0].state, members[0].box = "tracking", BOX
+    for k in range(120, 125):
+        tracker.foresee(there)
+        result = tracker.update(FRAME, k * 40_000_000)
+    assert result.state == "tracking" and result.overlap(solid) > 0.8
+    members[0].box = (150.0, 80.0, 40.0, 30.0)
+    for k in range(125, 160):
+        tracker.foresee(there)
+        result = tracker.update(FRAME, k * 40_000_000)
+        assert result.overlap(solid) > 0.8
+
+
 def test_of_members_that_disagree_after_a_loss_the_one_that_looks_like_the_target_speaks() -> None:
     right, wrong = Scripted(), Scripted()
     tracker = fused(wrong, right)

@@ -1,0 +1,107 @@
+"""What stands where the target is foreseen, by a depth camera: found whatever its look, and only where it is clear."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from common.geometry.camera import Camera
+from common.geometry.rotation import as_quat, quat_from_euler, quat_multiply
+from common.tracking.base import Box
+from onboard.follow.solid import Solid
+from onboard.fusion.foreseen import Foreseen
+from onboard.proximity.pose import Pose
+
+S = 1_000_000_000
+EYE_M, FOCUS_PX = 1.5, 228.0
+CAMERA = Camera(
+    320,
+    240,
+    FOCUS_PX,
+    FOCUS_PX,
+    159.5,
+    119.5,
+    (0.0, 0.0, 0.0, 0.0, 0.0),
+    as_quat((0.5, 0.5, 0.5, 0.5)),
+    (0.0, 0.0, 0.0),
+)
+POSE = Pose(np.array([0.0, 0.0, -EYE_M]), quat_from_euler(0.0, 0.0, 0.0))
+HALF = (160, 120)
+"""Width and height of the depth picture."""
+
+
+def _depth(*people: tuple[float, float, float], lean: float = 0.0) -> np.ndarray:
+    """Depth over a level floor of people 1.7 m tall and 0.5 m wide, each (ahead, right, wider by) m."""
+    columns, rows = np.meshgrid(np.arange(HALF[0]), np.arange(HALF[1]))
+    u, v = (2 * columns + 0.5 - 159.5) / FOCUS_PX, (2 * rows + 0.5 - 119.5) / FOCUS_PX
+    depth = np.where(v > 0.0, EYE_M / np.maximum(v, 1e-6), 0.0)
+    depth[depth > 8.0] = 0.0
+    for ahead_m, right_m, wider_m in people:
+        right, up = u * ahead_m - right_m, EYE_M - v * ahead_m
+        inside = (np.abs(right - lean * up) < 0.25 + wider_m / 2) & (up > 0.0) & (up < 1.7)
+        depth[inside & ((depth == 0.0) | (depth > ahead_m))] = ahead_m
+    return depth
+
+
+def _box(ahead_m: float, right_m: float) -> Box:
+    """What the picture shows of one of them, his hands and feet left out."""
+    left, top = ((right_m - 0.2) / ahead_m, (EYE_M - 1.6) / ahead_m)
+    width, height = 0.4 * FOCUS_PX / ahead_m, 1.5 * FOCUS_PX / ahead_m
+    return 159.5 + left * FOCUS_PX, 119.5 + top * FOCUS_PX, width, height
+
+
+def _foreseen(distance_m: float, depth_m: np.ndarray) -> Foreseen:
+    return Foreseen(_box(distance_m, 0.0), distance_m, 0.0, depth_m, (240, 320))
+
+
+def _learned(seconds: float = 1.0) -> Solid:
+    solid = Solid(CAMERA)
+    for k in range(round(30 * seconds) + 1):
+        solid.learn(S + k * S // 30, _box(4.0, 0.0), POSE, _foreseen(4.0, _depth((4.0, 0.0, 0.0))))
+    return solid
+
+
+@pytest.mark.parametrize(("ahead_m", "right_m"), [(4.0, 0.0), (4.3, 0.3), (3.2, -0.4), (6.0, 0.2)])
+def test_the_box_is_the_part_of_the_thing_that_the_trackers_showed(ahead_m: float, right_m: float) -> None:
+    foreseen = _foreseen(ahead_m + 0.2, _depth((ahead_m, right_m, 0.0)))
+    found = _learned().find(POSE, foreseen, 0.5)
+    assert found is not None
+    assert found == pytest.approx(_box(ahead_m, right_m), abs=5.0)
+
+
+def test_who_leans_is_found_too() -> None:
+    found = _learned().find(POSE, _foreseen(4.0, _depth((4.0, 0.0, 0.0), lean=0.4)), 0.5)
+    assert found is not None
+    u, v = found[0] + found[2] / 2, found[1] + found[3] / 2
+    assert math.hypot(u - 159.5 - 0.8 * 0.4 * FOCUS_PX / 4.0, v - 119.5 - 0.65 * FOCUS_PX / 4.0) < 12.0
+
+
+def test_nothing_is_said_before_anything_is_known_nor_where_it_is_not_clear() -> None:
+    foreseen = _foreseen(4.0, _depth((4.0, 0.1, 0.0)))
+    solid = _learned()
+    assert solid.find(POSE, foreseen, 0.5) is not None
+    assert _learned(0.3).find(POSE, foreseen, 0.5) is None, "too little was seen yet"
+    assert solid.find(POSE, foreseen, 0.05) is None, "he cannot have come so far"
+    two = replace(foreseen, depth_m=_depth((4.0, -0.4, 0.0), (4.0, 0.5, 0.0)))
+    assert solid.find(POSE, two, 0.6) is None, "either may be he"
+    beside = replace(foreseen, depth_m=_depth((4.0, 0.0, 0.0), (4.0, 0.8, 0.0)))
+    assert solid.find(POSE, beside, 0.6) is not None, "one of them is where he was"
+    for nobody in (_depth(), _depth((3.0, 0.0, 0.0)), _depth((5.2, 0.0, 0.0)), np.zeros((120, 160))):
+        assert solid.find(POSE, replace(foreseen, depth_m=nobody), 0.5) is None
+    assert solid.find(POSE, replace(foreseen, depth_m=_depth((4.0, 0.0, 1.0))), 0.5) is None, "a wall, or two"
+    assert solid.find(POSE, replace(foreseen, covered_m=4.0), 0.5) is None, "that is what has covered him"
+    assert solid.find(POSE, replace(foreseen, depth_m=None), 0.5) is None
+
+
+def test_the_floor_at_his_feet_is_no_part_of_him_however_the_vehicle_tilts() -> None:
+    things = Solid(CAMERA).things(POSE, _foreseen(4.0, _depth((4.0, 0.0, 0.0))))
+    assert len(things) == 1
+    assert things[0].box[1] + things[0].box[3] == pytest.approx(119.5 + (EYE_M - 0.2) / 4.0 * FOCUS_PX, abs=3.0)
+    down = quat_from_euler(0.0, -0.3, 0.0)
+    mount = as_quat(quat_multiply(down, CAMERA.body_q_camera))
+    tilted = Pose(POSE.ned_p_m, quat_from_euler(0.0, 0.3, 0.0))
+    same = Solid(replace(CAMERA, body_q_camera=mount)).things(tilted, _foreseen(4.0, _depth((4.0, 0.0, 0.0))))
+    assert same == things, "the nose is up and the camera mounted down as much"
