@@ -10,12 +10,10 @@ from onboard.fusion.prior import as_foreseen
 
 _DOUBTFUL = 0.45
 """Relative similarity below which a tracker's box is doubted if another's is clearly more similar."""
-CLEARLY = 0.1
-"""By how much more alike another must be for that."""
+CLEARLY, _FAR_MORE = 0.1, 0.25
+"""By how much more alike another must be for that, and, over films, of one that is at the answer: so twins may be."""
 _UNLIKE, ALONE_UNLIKE = 0.3, 0.5
 """Relative similarity below which it is doubted in any case, and when the other trackers say that they are lost."""
-_FOLLOWED_UNLIKE = 0.1
-"""The same of one that has followed ever since two agreed, with a thing in its box that moves as the box does."""
 SURELY = 0.7
 """Relative similarity from which a box is the target, though one tracker alone has it."""
 _SAME = 0.5
@@ -51,9 +49,10 @@ def doubted(
         (box,) = boxes.values()
         if foreseen is None or not as_foreseen(box, foreseen):
             least = there if jaccard(box, last) > _SAME else max(there, ALONE_UNLIKE)
-    unlike = {n for n, s in similar.items() if s < least or (s < _DOUBTFUL and s < best - CLEARLY)}
-    if last is not None:
-        unlike -= {n for n in followed if similar.get(n, 0.0) >= _FOLLOWED_UNLIKE and jaccard(boxes[n], last) > _SAME}
+    there_too = {n for n, box in boxes.items() if last is not None and jaccard(box, last) > _SAME}
+    margin = {n: _FAR_MORE if n in there_too and foreseen is None else CLEARLY for n in boxes}
+    unlike = {n for n, s in similar.items() if s < least or (s < _DOUBTFUL and s < best - margin[n])}
+    unlike -= followed & there_too
     return frozenset(name for name in unlike if not set(same_as(name, boxes)) - unlike)
 
 

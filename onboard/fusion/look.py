@@ -21,6 +21,8 @@ _CLEAR, _LEAST_CLEAR = 1.5, 0.5
 """Detail over its usual value counts as full from one over the first on; the second is the least that is reckoned."""
 _BACKGROUND_EVERY = 10
 """Pictures between two looks for what else is like the target."""
+_NEAR = (-0.2, -0.1, 0.0, 0.1, 0.2)
+"""How far around a place is looked for the target, box sides."""
 _APART = 0.2
 """Largest overlap with the target of what counts as background."""
 
@@ -39,7 +41,9 @@ class Look:
         self._number = 0
         self._appearance.learn_target(upright_patch(grey, box))
         self._learn_background(grey, box)
-        self._detail, self._looked_ns, self._clearness = 0.0, t_ns, 1.0
+        self._detail, self._looked_ns = 0.0, t_ns
+        self.clearness = 1.0
+        """Detail of the picture seen last against what is usual, 0 to 1: so much likeness can be asked of it."""
         self.see(grey, t_ns)
 
     def see(self, grey: np.ndarray, t_ns: int) -> None:
@@ -52,7 +56,7 @@ class Look:
         share = -math.expm1(-max(0, t_ns - self._looked_ns) * 1e-9 / _DETAIL_MEMORY_S)
         self._detail = detail if self._detail == 0.0 else self._detail + share * (detail - self._detail)
         self._looked_ns = t_ns
-        self._clearness = min(1.0, max(_LEAST_CLEAR, _CLEAR * detail / max(self._detail, 1e-6)))
+        self.clearness = min(1.0, max(_LEAST_CLEAR, _CLEAR * detail / max(self._detail, 1e-6)))
 
     def likeness(self, grey: np.ndarray, box: Box) -> float:
         """Relative similarity of a box, less where it correlates with no known patch of the target, 0 to 1.
@@ -62,9 +66,13 @@ class Look:
         similarity, correlation = self._appearance.similarity(upright_patch(grey, box))
         return similarity * min(1.0, max(0.0, correlation / _CORRELATED))
 
-    def likeness_in_seen(self, grey: np.ndarray, box: Box) -> float:
-        """The same in the picture that was seen last, more where that has lost its detail, 0 to 1."""
-        return min(1.0, self.likeness(grey, box) / self._clearness)
+    def best_near(self, grey: np.ndarray, box: Box) -> tuple[Box, float]:
+        """The box of this size near a place, px, that is most like the target, and its likeness."""
+        x, y, width, height = box
+        near: list[Box] = [(x + u * width, y + v * height, width, height) for u in _NEAR for v in _NEAR]
+        rated = [self.likeness(grey, one) for one in near]
+        best = int(np.argmax(rated))
+        return near[best], rated[best]
 
     def learn(self, grey: np.ndarray, box: Box, *, sure: bool) -> None:
         """Learn the target where one is sure of it, and from time to time what else is like it.

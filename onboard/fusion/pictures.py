@@ -61,6 +61,8 @@ class PictureFusion:
         """The answer, moved with the newest picture; None before any."""
         self.said: dict[str, tuple[int, TrackResult]] = {}
         """The stamp, ns, and the result of what each tracker said last."""
+        self.kept: Box | None = None
+        """Where the target still is in the newest picture, px, though all that see it have left it; None: unknown."""
         self._t_ns = t_ns
         self._foreseen: Foreseen | None = None
         self._whole: Box | None = None
@@ -136,6 +138,7 @@ class PictureFusion:
             self.said[name] = (answer.t_ns, answer.result)
             self._riding.hear(name, answer.t_ns, sees=answer.result.state == "tracking")
         verdict = self._judge(answers)
+        self.kept = verdict.kept
         measurements = []
         for name, answer in answers.items():
             if name in verdict.silent or (answer.result is None and answer.error):
@@ -192,12 +195,12 @@ class PictureFusion:
         seen = {name: upright_box(result) for name, result in now.items() if result.state == "tracking"}
         excluded = self._excluded(seen)
         seen = {name: box for name, box in seen.items() if name not in excluded}
-        riding = self._riding.look(self.grey, self._t_ns, self.place_px, seen)
+        stretches = self._riding.look(self.grey, self._t_ns, self.place_px, seen)
         boxes = {name: self._fitted(box) for name, box in seen.items()}
         foreseen = None if self._foreseen is None else self._foreseen.box
         confirmed = self._confirmed(boxes)
         verdict = self._witness.judge(
-            self.grey, boxes, self._several, self.fused, self._t_ns, foreseen, riding, confirmed
+            self.grey, boxes, self._several, self.fused, self._t_ns, foreseen, stretches, confirmed
         )
         for name in verdict.begun:
             self._fusion.forget(name, follow=True)

@@ -29,8 +29,9 @@ _TOGETHER = 0.5
 _FORESEEN, _FORESEEN_GROWN = 0.7, 0.35
 """How far from where its motion over ground leads one to expect it the target is, target sizes, and its size,
 logarithm: somebody beside it is further."""
-_LIKE = 0.5
-"""Least likeness of one that is where the target was expected for the others to be doubted."""
+LIKE, LIKE_BESIDE_TWINS = 0.5, 0.4
+"""Least likeness of one that is where the target was expected for the others to be doubted: beside things that look the
+same it is one half at best."""
 _CLEARLY = 0.1
 """By how much more alike another must be to be heard beside it."""
 
@@ -62,7 +63,7 @@ def as_foreseen(box: Box, foreseen: Box) -> bool:
     return math.hypot(x - u, y - v) <= _FORESEEN * size and abs(grown) <= _FORESEEN_GROWN
 
 
-def elsewhere(similar: Mapping[str, float], boxes: Mapping[str, Box], last: Box) -> frozenset[str]:
+def elsewhere(similar: Mapping[str, float], boxes: Mapping[str, Box], last: Box, least: float = LIKE) -> frozenset[str]:
     """Trackers elsewhere than the answer, where another is there, looks like the target, and hardly less so than they.
 
     Two that find the same other thing agree with each other; that it looks the same is no reason to leave the one that
@@ -72,11 +73,27 @@ def elsewhere(similar: Mapping[str, float], boxes: Mapping[str, Box], last: Box)
         similar: likeness of each tracker's box, 0 to 1.
         boxes: the same trackers' boxes, px.
         last: the answer, moved with the picture, px.
+        least: least likeness of one that is there.
     """
     best = max((similar[name] for name, box in boxes.items() if jaccard(box, last) > _THERE), default=0.0)
-    if best < _LIKE:
+    if best < least:
         return frozenset()
     return frozenset(n for n, box in boxes.items() if jaccard(box, last) < _APART and similar[n] < best + _CLEARLY)
+
+
+def gone(similar: Mapping[str, float], boxes: Mapping[str, Box], kept: Box, likeness: float) -> frozenset[str]:
+    """Trackers, if it is all, that have left where the target was expected, and still is by its look, for its like.
+
+    Args:
+        similar: likeness of each tracker's box, 0 to 1.
+        boxes: the same trackers' boxes, px.
+        kept: the box there, px.
+        likeness: of that one, 0 to 1.
+    """
+    away = frozenset(n for n, box in boxes.items() if jaccard(box, kept) < _APART)
+    if away != boxes.keys() or likeness < LIKE_BESIDE_TWINS:
+        return frozenset()
+    return frozenset() if any(similar[n] > likeness + _CLEARLY for n in away) else away
 
 
 def rivals(similar: Mapping[str, float], boxes: Mapping[str, Box], last: Box) -> frozenset[str]:
@@ -91,7 +108,7 @@ def rivals(similar: Mapping[str, float], boxes: Mapping[str, Box], last: Box) ->
         last: the answer, moved with the picture, px.
     """
     there = [name for name, box in boxes.items() if jaccard(box, last) > _THERE]
-    away = {name: box for name, box in boxes.items() if jaccard(box, last) < _APART and similar[name] >= _LIKE}
+    away = {name: box for name, box in boxes.items() if jaccard(box, last) < _APART and similar[name] >= LIKE}
     together = [frozenset(n for n in away if jaccard(away[n], box) > _TOGETHER) for box in away.values()]
     group = max(together, key=lambda names: (len(names), sum(similar[n] for n in names)), default=frozenset())
     if len(group) < 2:

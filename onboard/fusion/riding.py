@@ -10,6 +10,7 @@ import math
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -37,6 +38,15 @@ class _Seen:
     boxes: Mapping[str, Box]
 
 
+class Stretch(NamedTuple):
+    """For how long a tracker has seen the target without a break, and on what."""
+
+    since_ns: int
+    """Stamp of the first picture in which it did."""
+    rides: bool
+    """Whether the content of its box moved with it over the ground when it last moved."""
+
+
 class Riding:
     """Boxes of late, and how long each tracker has seen the target without a break."""
 
@@ -58,18 +68,14 @@ class Riding:
         self._since.pop(name, None)
         self._preference.pop(name, None)
 
-    def look(self, grey: np.ndarray, t_ns: int, place: np.ndarray, boxes: Mapping[str, Box]) -> dict[str, int]:
-        """Trackers whose box's content moves with it over the ground, and since when each has followed.
+    def look(self, grey: np.ndarray, t_ns: int, place: np.ndarray, boxes: Mapping[str, Box]) -> dict[str, Stretch]:
+        """Since when each tracker has followed, and whether the content of its box moves with it over the ground.
 
         Args:
             grey: the picture, (H, W) uint8.
             t_ns: its stamp, ns.
             place: where the camera's motion has moved the picture, (2,), px.
             boxes: of each tracker that sees the target in it, px.
-
-        Returns:
-            Since when each of them has seen the target without a break, ns. Of a box that stands nothing can be said:
-            it soon is none of them.
         """
         now = _Seen(t_ns, grey, place.copy(), dict(boxes))
         while self._seen and t_ns - self._seen[0].t_ns > _REACH_S * 1e9:
@@ -77,15 +83,19 @@ class Riding:
         self._seen.append(now)
         for name in boxes:
             found = self._preferred(name, now)
-            before_ns, preference = self._preference.get(name, (t_ns, found))
-            preference -= math.expm1(-(t_ns - before_ns) * 1e-9 / _MEMORY_S) * (found - preference)
-            self._preference[name] = (t_ns, preference)
-        return {n: self._since[n] for n in boxes if n in self._since and self._preference[n][1] > _RIDES}
+            if found is not None:
+                before_ns, preference = self._preference.get(name, (t_ns, found))
+                preference -= math.expm1(-(t_ns - before_ns) * 1e-9 / _MEMORY_S) * (found - preference)
+                self._preference[name] = (t_ns, preference)
+        return {n: Stretch(self._since[n], self._rides(n)) for n in boxes if n in self._since}
 
-    def _preferred(self, name: str, now: _Seen) -> float:
+    def _rides(self, name: str) -> bool:
+        return name in self._preference and self._preference[name][1] > _RIDES
+
+    def _preferred(self, name: str, now: _Seen) -> float | None:
         """How much better a box's content is explained by its own motion than by the ground's, -2 to 2.
 
-        By the newest picture since which the box has moved far enough; 0 where there is none.
+        By the newest picture since which the box has moved far enough; None where there is none.
         """
         box = now.boxes[name]
         for before in reversed(self._seen):
@@ -98,7 +108,7 @@ class Riding:
                 ground: Box = (*(np.array(box[:2]) + before.place - now.place).tolist(), *box[2:])
                 with_it, with_ground = upright_patch(before.grey, was), upright_patch(before.grey, ground)
                 return float(look @ (with_it - with_ground))
-        return 0.0
+        return None
 
 
 def _center(box: Box) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -105,7 +105,11 @@ class HabDfTracker:
         box = fusion.box
         if box is None:
             return next(iter(self.answers.values()))
-        if fusion.vouched:
+        if fusion.kept is not None:
+            self._put(
+                fusion, frame, fusion.kept, [n for n, said in self.answers.items() if said.state == "tracking"], t_ns
+            )
+        elif fusion.vouched:
             self._restart(fusion, frame, box, fused, t_ns)
         x, y, width, height = self._outlined(fusion, box, fused) if self._outlines else box
         center = x + width / 2, y + height / 2
@@ -129,10 +133,12 @@ class HabDfTracker:
     def _restart(self, fusion: PictureFusion, frame: np.ndarray, box: Box, fused: Fused, t_ns: int) -> None:
         """Put drifted members on the fused answer; one that keeps what it has learned is only moved there."""
         astray = fusion.astray
-        for name in sorted({*fused.restart, *astray}):
-            sees = self.answers[name].state == "tracking" and name not in astray
-            if not may_move(sees, fused, box, frame.shape):
-                continue
+        drifted = sorted({*fused.restart, *astray})
+        sees = {name: self.answers[name].state == "tracking" and name not in astray for name in drifted}
+        self._put(fusion, frame, box, [n for n in drifted if may_move(sees[n], fused, box, frame.shape)], t_ns)
+
+    def _put(self, fusion: PictureFusion, frame: np.ndarray, box: Box, names: Iterable[str], t_ns: int) -> None:
+        for name in names:
             member = self.members[name]
             try:
                 if isinstance(member, Placeable):

@@ -13,11 +13,13 @@ from types import MappingProxyType
 
 import numpy as np
 
+from common.evaluation import jaccard
 from common.tracking.base import Box
 from onboard.fusion.center import Fused
 from onboard.fusion.doubt import ALONE_UNLIKE, CLEARLY, SURELY, doubted, found_alone, same_as
 from onboard.fusion.look import Look
-from onboard.fusion.prior import as_foreseen, elsewhere, out_of_reach, outshining, rivals
+from onboard.fusion.prior import LIKE_BESIDE_TWINS, as_foreseen, elsewhere, gone, out_of_reach, outshining, rivals
+from onboard.fusion.riding import Stretch
 
 _ALONE_THERE_UNLIKE = 0.4
 """Least relative similarity of a tracker that is alone, and is where the answer was: it has not gone elsewhere."""
@@ -25,12 +27,18 @@ _ALONE_S, _OUTSHONE_S = 0.25, 0.15
 """How long no two must have agreed, and another have looked far more like the target, for that one to be followed."""
 _FOUND_UNLIKE = 0.6
 """The same of one that is alone after the answer had rested on nobody: it has found something, maybe what covers it."""
+_SETTLED_S = 0.5
+"""For how long it must have seen that without a break for as little likeness as before to be enough, s."""
 _BROKEN_S = 0.15
 """For how long nobody must have spoken for the answer for it to count as broken off, s."""
 _UNDECIDED_S = 0.06
 """How long the answer must have been without support before one tracker is chosen to speak, s."""
 _CHOSEN = 0.5
 """Least relative similarity of the one that is chosen."""
+_KEPT_S = 0.4
+"""For how long after two have agreed the target is believed where its motion leads, though all have left it, s."""
+_NEAR_EXPECTED = 0.3
+"""Overlap with that place above which a tracker has not gone."""
 _RELIABLE = 0.5
 """Least reliability of a tracker that speaks for the fused box."""
 _AGREED = 1.2
@@ -53,6 +61,8 @@ class Verdict:
     """Trackers that are not heard: they are at another thing, or another was chosen to speak."""
     begun: tuple[str, ...] = ()
     """Trackers whose past no longer holds and that are to be followed: one was just chosen, and these agree with it."""
+    kept: Box | None = None
+    """Where the target still is, px, though those that are silent have left it; None where that is not known."""
 
 
 class Witness:
@@ -86,7 +96,7 @@ class Witness:
         fused: Fused | None,
         t_ns: int,
         foreseen: Box | None = None,
-        riding: Mapping[str, int] = MappingProxyType({}),
+        stretches: Mapping[str, Stretch] = MappingProxyType({}),
         confirmed: frozenset[str] = frozenset(),
     ) -> Verdict:
         """Compare the boxes that trackers report in a picture with what the target has looked like.
@@ -98,7 +108,7 @@ class Witness:
             fused: the last fused answer; None before any.
             t_ns: stamp of the picture, ns.
             foreseen: where the target's motion over ground leads one to expect it, px; None: unknown.
-            riding: since when each tracker has seen the target without a break whose box's content moves with it, ns.
+            stretches: since when each tracker has seen the target without a break, and whether what it sees moves.
             confirmed: trackers that agree with another source where, by a depth camera, the target is.
         """
         fused = None if fused is None or fused.state == "waiting" else fused
@@ -106,10 +116,16 @@ class Witness:
             self._broken = True
         self._found |= fused is not None and self._undecided(fused, t_ns)
         self._look.see(grey, t_ns)
-        similar = {name: self._look.likeness_in_seen(grey, box) for name, box in boxes.items()}
-        overruling = self._overruling(similar, boxes, fused, t_ns) if foreseen is None else frozenset()
-        if overruling:
-            return Verdict(frozenset(), frozenset(boxes.keys() - overruling), tuple(sorted(overruling)))
+        bare = {name: self._look.likeness(grey, box) for name, box in boxes.items()}
+        if foreseen is None:
+            overruling = self._overruling(bare, boxes, fused, t_ns)
+            if overruling:
+                return Verdict(frozenset(), frozenset(boxes.keys() - overruling), tuple(sorted(overruling)))
+            kept = self._kept(grey, bare, boxes, fused, t_ns)
+            if kept is not None:
+                self._supported_ns = t_ns
+                return Verdict(frozenset(), frozenset(boxes), (), kept)
+        similar = {n: self._leniently(bare[n], box, fused, foreseen) for n, box in boxes.items()}
         others = frozenset() if fused is None else self._others(similar, boxes, several, fused, t_ns, foreseen)
         majority = () if foreseen is None else self._outvoted(similar, boxes, others, t_ns)
         others = frozenset(boxes.keys() - majority) if majority else others
@@ -118,10 +134,36 @@ class Witness:
         among = None if fused is None or not several else _box_of(fused)
         begun = majority or self._choose(similar, boxes, fused, t_ns) or found_alone(similar, boxes, among)
         heard = boxes.keys() if self._chosen is None else {self._chosen, *same_as(self._chosen, boxes)}
-        least = _FOUND_UNLIKE if self._broken else _ALONE_THERE_UNLIKE
-        followed = () if foreseen is not None else (n for n in boxes if riding.get(n, t_ns) <= self._agreed_ns)
+        stretches = stretches if foreseen is None else {}
+        settled = all(n in stretches and t_ns - stretches[n].since_ns >= _SETTLED_S * 1e9 for n in boxes)
+        least = _FOUND_UNLIKE if self._broken and not settled else _ALONE_THERE_UNLIKE
+        followed = (n for n in boxes if n in stretches and self._follows(stretches[n]))
         doubts = doubted(similar, boxes, among, least, foreseen, frozenset(followed)) - confirmed
         return Verdict(doubts, others | (boxes.keys() - heard), begun)
+
+    def _follows(self, stretch: Stretch) -> bool:
+        """Whether a tracker has followed a thing that moves without a break since two last agreed."""
+        return stretch.rides and stretch.since_ns <= self._agreed_ns
+
+    def _leniently(self, likeness: float, box: Box, fused: Fused | None, foreseen: Box | None) -> float:
+        """Likeness of a box, more in a picture that has lost its detail, if the target was expected there."""
+        there = fused is not None and jaccard(box, _box_of(fused)) > _NEAR_EXPECTED
+        return min(1.0, likeness / self._look.clearness) if there or foreseen is not None else likeness
+
+    def _kept(
+        self, grey: np.ndarray, bare: Mapping[str, float], boxes: Mapping[str, Box], fused: Fused | None, t_ns: int
+    ) -> Box | None:
+        """Where the target still is, though all that see it, and agreed on it a moment ago, have gone elsewhere.
+
+        A thing that crosses one that looks the same takes them along; its own motion tells it from the other.
+        """
+        if fused is None or fused.state == "lost" or not boxes or self._found or t_ns - self._agreed_ns > _KEPT_S * 1e9:
+            return None
+        expected = _box_of(fused, t_ns)
+        if any(jaccard(box, expected) > _NEAR_EXPECTED for box in boxes.values()):
+            return None
+        box, likeness = self._look.best_near(grey, expected)
+        return box if gone(bare, boxes, box, likeness) else None
 
     def _overruling(
         self, similar: Mapping[str, float], boxes: Mapping[str, Box], fused: Fused | None, t_ns: int
@@ -161,7 +203,7 @@ class Witness:
         if not several:
             return far
         if foreseen is None:
-            return far | elsewhere(similar, boxes, last)
+            return far | elsewhere(similar, boxes, last, LIKE_BESIDE_TWINS)
         there = {name for name, box in boxes.items() if as_foreseen(box, foreseen)}
         return (far | elsewhere(similar, boxes, last)) - there | elsewhere(similar, boxes, foreseen)
 
@@ -228,8 +270,12 @@ class Witness:
         return fused.state != "tracking" and t_ns - self._supported_ns >= _UNDECIDED_S * 1e9
 
 
-def _box_of(fused: Fused) -> Box:
-    u, v, height, width = fused.value.tolist()
+def _box_of(fused: Fused, t_ns: int | None = None) -> Box:
+    """The answer's box, px, where it was, or where it is to be expected in a later picture."""
+    value = fused.value
+    if t_ns is not None:
+        value = value + np.array([1.0, 1.0, 0.0, 0.0]) * fused.rate * ((t_ns - fused.t_ns) * 1e-9)
+    u, v, height, width = value.tolist()
     return u - width / 2, v - height / 2, width, height
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from common.tracking.base import Box
-from onboard.fusion.prior import as_foreseen, elsewhere, out_of_reach, outshining, rivals
+from onboard.fusion.prior import as_foreseen, elsewhere, gone, out_of_reach, outshining, rivals
 
 LAST: Box = (100.0, 100.0, 40.0, 40.0)
 NEAR: Box = (110.0, 95.0, 40.0, 40.0)
@@ -24,7 +24,16 @@ def test_two_at_a_twin_do_not_outvote_the_one_that_went_on_where_the_target_was_
     assert elsewhere({"here": 0.8, "a": 0.85, "b": 0.7}, boxes, LAST) == {"a", "b"}
     assert elsewhere({"here": 0.8, "a": 0.95, "b": 0.7}, boxes, LAST) == {"b"}, "one clearly more alike is heard"
     assert not elsewhere({"here": 0.4, "a": 0.45, "b": 0.3}, boxes, LAST), "what is there does not look like it either"
+    assert elsewhere({"here": 0.4, "a": 0.45, "b": 0.3}, boxes, LAST, least=0.4) == {"a", "b"}
     assert not elsewhere({"a": 0.85, "b": 0.7}, {"a": TWIN, "b": TWIN}, LAST), "nobody is there"
+
+
+def test_all_have_left_the_target_that_still_is_where_it_was_expected_unless_they_look_more_like_it() -> None:
+    boxes = {"a": TWIN, "b": TWIN}
+    assert gone({"a": 0.55, "b": 0.5}, boxes, LAST, 0.5) == {"a", "b"}
+    assert not gone({"a": 0.65, "b": 0.5}, boxes, LAST, 0.5), "one looks clearly more like it"
+    assert not gone({"a": 0.3, "b": 0.3}, boxes, LAST, 0.35), "what is left there does not look like it"
+    assert not gone({"here": 0.5, "a": 0.5}, {"here": NEAR, "a": TWIN}, LAST, 0.5), "one has stayed"
 
 
 def test_somebody_beside_the_place_where_the_target_is_foreseen_or_of_another_size_is_not_the_target() -> None:

@@ -8,6 +8,7 @@ import numpy as np
 from common.tracking.base import Box
 from onboard.fusion.center import Fused, FusionState
 from onboard.fusion.pictures import may_move, whole
+from onboard.fusion.riding import Stretch
 from onboard.fusion.source import Judgement
 from onboard.fusion.witness import Witness, agreed
 
@@ -138,6 +139,11 @@ def test_after_the_answer_broke_off_one_alone_must_be_surer_and_nobody_is_put_on
     assert not witness.judge(half, {"a": BOX}, True, tracking, 50_000_000).doubted
     assert witness.judge(half, {"a": BOX}, True, lost, 300_000_000).doubted == {"a"}
     assert not witness.judge(half, {"a": BOX}, True, lost, 300_000_000, BOX).doubted, "but not where it is foreseen"
+    settled = {"a": Stretch(700_000_000, rides=False)}
+    assert witness.judge(half, {"a": BOX}, True, lost, 1_100_000_000, stretches=settled).doubted == {"a"}
+    assert not witness.judge(half, {"a": BOX}, True, lost, 1_300_000_000, stretches=settled).doubted, (
+        "what covers passes"
+    )
     assert witness.judge(half, {"a": BOX}, True, lost, 300_000_000, ELSEWHERE).doubted == {"a"}
     assert not witness.vouches(GREY, BOX, tracking)
     witness.learn(GREY, BOX, tracking)  # a sure look mends it
@@ -193,14 +199,14 @@ def _rest(fused: Fused) -> tuple:
 def test_one_that_has_followed_since_two_agreed_with_what_moves_in_its_box_is_believed_though_it_has_turned() -> None:
     turned, tracking = GREY.copy(), _fused("tracking", 1.0, 0.1)
     turned[80:110, 100:140] = 0.2 * GREY[80:110, 100:140] + 0.8 * GREY[200:230, 20:60]
-    ever_since: dict[str, int] = {"a": 0}
+    ever_since, standing = {"a": Stretch(0, rides=True)}, {"a": Stretch(0, rides=False)}
     witness = Witness(GREY, BOX, 0)
     assert 0.1 < witness.likeness(turned, BOX) < 0.3
-    assert not witness.judge(turned, {"a": BOX}, True, tracking, 50_000_000, riding=ever_since).doubted
-    assert witness.judge(turned, {"a": BOX}, True, tracking, 50_000_000).doubted == {"a"}
-    lost_since = {"a": 20_000_000}
-    assert witness.judge(turned, {"a": BOX}, True, tracking, 50_000_000, riding=lost_since).doubted == {"a"}
-    assert witness.judge(GREY, {"a": NEARBY}, True, tracking, 50_000_000, riding=ever_since).doubted == {"a"}
+    assert not witness.judge(turned, {"a": BOX}, True, tracking, 50_000_000, stretches=ever_since).doubted
+    assert witness.judge(turned, {"a": BOX}, True, tracking, 50_000_000, stretches=standing).doubted == {"a"}
+    lost_since = {"a": Stretch(20_000_000, rides=True)}
+    assert witness.judge(turned, {"a": BOX}, True, tracking, 50_000_000, stretches=lost_since).doubted == {"a"}
+    assert witness.judge(GREY, {"a": NEARBY}, True, tracking, 50_000_000, stretches=ever_since).doubted == {"a"}
     assert not witness.vouches(turned, BOX, tracking), "but nobody is put on it"
 
 
@@ -216,3 +222,29 @@ def test_where_the_answer_rests_on_one_for_long_another_that_surely_is_the_targe
     foreseen = Witness(GREY, BOX, 0)
     for k in range(1, 10):
         assert not foreseen.judge(GREY, boxes, True, at_twin, k * 50_000_000, ELSEWHERE).begun
+
+
+def test_where_all_go_over_to_a_thing_that_looks_the_same_the_target_is_kept_where_its_motion_leads() -> None:
+    twins = GREY.copy()
+    twins[118:152, 148:192] = GREY[78:112, 98:142]  # the target and its rim, copied
+    moving = Fused(0, "tracking", np.array([100.0, 95.0, 30.0, 40.0]), *_rest(_fused("tracking", 1.0, 0.9)))
+    moving.rate[:2] = (400.0, 0.0)  # 20 px a picture: the next one shows it at 120, 95
+    gone: dict[str, Box] = {"a": (150.0, 120.0, 40.0, 30.0), "b": (151.0, 120.0, 40.0, 30.0)}
+    verdict = Witness(GREY, BOX, 0).judge(twins, gone, True, moving, 50_000_000)
+    assert verdict.silent == {"a", "b"}
+    assert verdict.kept is not None
+    assert np.allclose(verdict.kept, BOX, atol=1.0)
+    assert Witness(GREY, BOX, 0).judge(twins, gone, True, moving, 600_000_000).kept is None, "too long ago"
+    assert Witness(GREY, BOX, 0).judge(twins, gone | {"c": BOX}, True, moving, 50_000_000).kept is None, (
+        "one has stayed"
+    )
+    assert Witness(GREY, BOX, 0).judge(twins, gone, True, moving, 50_000_000, BOX).kept is None, "somebody foresees it"
+
+
+def test_lenience_with_a_blurred_picture_is_for_what_is_where_the_target_was_expected() -> None:
+    blurred = cv2.GaussianBlur(GREY, (0, 0), 30.0)
+    blurred[150:180, 220:260] = blurred[80:110, 100:140]
+    tracking = _fused("tracking", 1.0, 0.1)
+    assert not Witness(GREY, BOX, 0).judge(blurred, {"a": BOX}, True, tracking, 50_000_000).doubted
+    elsewhere: dict[str, Box] = {"a": ELSEWHERE}
+    assert Witness(GREY, BOX, 0).judge(blurred, elsewhere, True, _fused("lost"), 50_000_000).doubted == {"a"}
