@@ -42,7 +42,7 @@ class HeadFollower:
         self._law = PanTiltLaw(config)
         self._backdrop = Backdrop(camera, (config.pan_limit_rad, config.tilt_limit_rad))
         self._target: MotionFilter | None = None
-        self._angles, self._turned_ns = np.zeros(2), 0
+        self._angles, self._before, self._turned_ns = np.zeros(2), np.zeros(2), 0
         self._size = np.zeros(2)
         self._stepped_ns = self._seen_ns = 0
 
@@ -57,7 +57,7 @@ class HeadFollower:
                 f"head: got servos at {pan_rad}, {tilt_rad} rad at {t_ns} ns, expected finite, and not before "
                 f"{self._turned_ns} ns"
             )
-        self._angles, self._turned_ns = np.array([pan_rad, tilt_rad]), t_ns
+        self._before, self._angles, self._turned_ns = self._angles, np.array([pan_rad, tilt_rad]), t_ns
 
     def expected(self, frame: NDArray[np.uint8]) -> Foreseen | None:
         """Where a picture of the time of the last `turned` should show the target, and what in it is not the room.
@@ -73,7 +73,8 @@ class HeadFollower:
             return None
         away_s = (self._turned_ns - self._seen_ns) * 1e-9
         reach_px = (_REACH + _REACH_1_S * away_s) * math.sqrt(float(self._size.prod()))
-        return Foreseen(self._box(off), reach_px=reach_px, apart=apart)
+        box, before = self._box(off), self._box(off + self._angles - self._before)
+        return Foreseen(box, moved_px=(box[0] - before[0], box[1] - before[1]), reach_px=reach_px, apart=apart)
 
     def step(self, box: Box | None) -> tuple[float, float]:
         """Pan and tilt to command, rad, for the picture of the time of the last `turned`.

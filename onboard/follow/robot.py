@@ -46,9 +46,12 @@ class RobotFollower:
         self._law: UnicycleLaw | None = None
         self._target: MotionFilter | None = None
         self._place, self._yaw_rad = np.zeros(2), 0.0
+        self._before = self._place, self._yaw_rad
         self._own, self._rolled_ns = (0.0, 0.0), 0
         self._form = self._first_form = np.zeros(3)
         """Width, height and how far below the camera its middle is, m."""
+        self._looked_at = (0.0, 0.0)
+        """Speed, m/s, and turn, rad/s, of the wheels when a box was last taken in."""
         self._seen_ns = 0
 
     @property
@@ -67,6 +70,7 @@ class RobotFollower:
                 f"robot: got wheels at {speed_m_s} m/s, {turn_rad_s} rad/s at {t_ns} ns, expected finite, and not "
                 f"before {self._rolled_ns} ns"
             )
+        self._before = self._place, self._yaw_rad
         dt_s = (t_ns - self._rolled_ns) * 1e-9
         course = self._yaw_rad + turn_rad_s * dt_s / 2
         self._place = self._place + speed_m_s * dt_s * np.array([math.cos(course), math.sin(course)])
@@ -80,11 +84,12 @@ class RobotFollower:
         ahead, aside = self._ahead(self._rolled_ns)
         if ahead < _NEAREST_M:
             return None
-        camera, (width, height, down) = self._camera, self._form
-        u, v = camera.cx_px + camera.fx_px * aside / ahead, camera.cy_px + camera.fy_px * down / ahead
+        camera, (width, height, _) = self._camera, self._form
+        (u, v), before = self._pixel(ahead, aside), self._pixel(*self._ahead(self._rolled_ns, *self._before))
         width, height = camera.fx_px * width / ahead, camera.fy_px * height / ahead
         box = float(u - width / 2), float(v - height / 2), float(width), float(height)
-        return Foreseen(box, float(ahead), _REACH_M_S2 * self._away_s**2)
+        moved_px = u - before[0], v - before[1]
+        return Foreseen(box, float(ahead), _REACH_M_S2 * self._away_s**2, moved_px=moved_px)
 
     def step(self, box: Box | None, depth_m: Array | None) -> Drive:
         """What to ask of the wheels for the picture of the time of the last `roll`.
@@ -111,21 +116,36 @@ class RobotFollower:
     def _away_s(self) -> float:
         return (self._rolled_ns - self._seen_ns) * 1e-9
 
-    def _turned(self, vector: Array) -> Array:
-        """A vector (2,) over ground as ahead of and to the right of the robot, (2,)."""
-        c, s = math.cos(self._yaw_rad), math.sin(self._yaw_rad)
+    def _pixel(self, ahead: float, aside: float) -> tuple[float, float]:
+        """Where the picture shows the target's middle that is so far ahead and to the right, m, px."""
+        camera, ahead = self._camera, max(float(ahead), _NEAREST_M)
+        u = camera.cx_px + camera.fx_px * float(aside) / ahead
+        return u, camera.cy_px + camera.fy_px * float(self._form[2]) / ahead
+
+    def _turned(self, vector: Array, yaw_rad: float | None = None) -> Array:
+        """A vector (2,) over ground as ahead of and to the right of the robot, (2,), now or at another yaw."""
+        yaw_rad = self._yaw_rad if yaw_rad is None else yaw_rad
+        c, s = math.cos(yaw_rad), math.sin(yaw_rad)
         return np.array([c * vector[0] + s * vector[1], c * vector[1] - s * vector[0]])
 
-    def _ahead(self, t_ns: int) -> Array:
-        """How far the target is ahead and to the right, (2,), m."""
+    def _ahead(self, t_ns: int, place: Array | None = None, yaw_rad: float | None = None) -> Array:
+        """How far the target is ahead and to the right, (2,), m, of the robot now, or at another place and yaw."""
         if self._target is None:
             raise ValueError("robot: no target yet")
-        return self._turned(self._target.value_at(t_ns) - self._place)
+        return self._turned(self._target.value_at(t_ns) - (self._place if place is None else place), yaw_rad)
+
+    def _control(self) -> Array:
+        """Known acceleration of u, v, px/s², and of the distance, m/s², (3,), since the last box: B·u (eqs 3.3, 3.4).
+
+        By what the wheels have made of the commands: they lag, slip, or are held.
+        """
+        speed, turn = (np.array(self._own) - self._looked_at) / max(self._away_s, 1e-3)
+        return np.array([-self._camera.fx_px * float(turn), 0.0, -float(speed)])
 
     def _look(self, box: Box, depth_m: Array | None) -> None:
         camera, t_ns = self._camera, self._rolled_ns
         centre = (box[0] + box[2] / 2, box[1] + box[3] / 2)
-        estimate = self._depth.update(t_ns, centre, (box[2], box[3]), depth_m)
+        estimate = self._depth.update(t_ns, centre, (box[2], box[3]), depth_m, self._control())
         if estimate is None:
             return
         ahead = float(estimate.position[2])
@@ -144,4 +164,4 @@ class RobotFollower:
             form = self._form - math.expm1(-self._away_s / _FORM_MEMORY_S) * (form - self._form)
             size = np.clip(form[:2], self._first_form[:2] / _MOST_GROWN, self._first_form[:2] * _MOST_GROWN)
             self._form = np.array([*size, form[2]])
-        self._seen_ns = t_ns
+        self._seen_ns, self._looked_at = t_ns, self._own

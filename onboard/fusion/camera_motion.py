@@ -1,10 +1,11 @@
-"""How far the camera's own motion moves the whole picture, from the pictures alone.
+"""How far the camera's own motion moves the whole picture: told by a platform that knows, or from the pictures alone.
 
-Beyond the thesis, where a platform's commands enter as B·u: a gust, a jolt or an operator's hand are no commands. The
-shift is the one under which two small pictures correlate best: among all shifts of coarser ones first, then nearby
-(Lewis 1995, Fast normalized cross-correlation). Phase correlation, which weighs all frequencies alike, finds nothing in
-pictures that are blurred or dark. Where two pictures share nothing, there is no shift. Positions less this shift are
-those of a camera that holds still: a target moves evenly there.
+In the thesis a platform's commands enter as B·u. A head's servos and a robot's wheels tell what has become of these. A
+gust, a jolt or an operator's hand are no commands, and are measured: the shift is the one under which two small
+pictures correlate best: among all shifts of coarser ones first, then nearby (Lewis 1995, Fast normalized
+cross-correlation). Phase correlation, which weighs all frequencies alike, finds nothing in pictures that are blurred or
+dark. Where two pictures share nothing, there is no shift. Positions less this shift are those of a camera that holds
+still: a target moves evenly there.
 """
 
 from __future__ import annotations
@@ -59,18 +60,21 @@ class CameraMotion:
         """Where the last picture has moved to, (2,), px."""
         return next(reversed(self._shifts.values()), np.zeros(2))
 
-    def see(self, grey: np.ndarray, t_ns: int) -> np.ndarray:
+    def see(self, grey: np.ndarray, t_ns: int, moved_px: tuple[float, float] | None = None) -> np.ndarray:
         """Where this picture has moved to since the first one, (2,), px: what stands still in the world moves so.
 
         Args:
             grey: (H, W) uint8, of the same size as the ones before.
             t_ns: its stamp, ns, not before the last one's.
+            moved_px: how far it has moved since the last one by somebody who knows; None: it is measured.
         """
         shrink = max(1, max(grey.shape) // _SIDE_PX)
         size = (grey.shape[1] // shrink, grey.shape[0] // shrink)
         small = cv2.resize(grey, size, interpolation=cv2.INTER_AREA).astype(np.float32)
         place = self.last
-        if self._before is not None and self._before.shape == small.shape:
+        if moved_px is not None:
+            place = place + np.array(moved_px)
+        elif self._before is not None and self._before.shape == small.shape:
             shift, alike = _shift(self._before, small)
             if alike >= _ALIKE:
                 place = place + shift * shrink

@@ -50,6 +50,9 @@ class Foreseen:
     """Whether the depth camera measured the target's own distance when it was seen last."""
     covered_m: float = math.nan
     """How far away what has covered the target since it was seen last is now, m; NaN: nothing has."""
+    moved_px: tuple[float, float] | None = None
+    """How far what stands still there has moved in the picture since the last one, by the platform's own motion, px;
+    None: the platform does not know."""
     reach_px: float = 0.0
     """How far from there the middle of what is no part of the surroundings can be for it to be the target, px."""
     apart: NDArray[np.int8] | None = None

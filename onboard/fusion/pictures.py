@@ -112,7 +112,8 @@ class PictureFusion:
         self._foreseen = foreseen
         self._whole = None if foreseen is None else foreseen.whole(frame.shape)
         self.grey, self._t_ns = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), t_ns
-        before, self.place_px = self.place_px, self._camera.see(self.grey, t_ns)
+        moved_px = None if foreseen is None else foreseen.moved_px
+        before, self.place_px = self.place_px, self._camera.see(self.grey, t_ns, moved_px)
         if self.fused is not None:
             self.fused = _shifted(self.fused, self.place_px - before)
 

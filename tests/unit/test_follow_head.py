@@ -26,13 +26,17 @@ def _box(off: np.ndarray) -> Box:
 
 
 def test_a_target_that_goes_on_is_expected_where_it_is_and_turned_after_while_it_is_hidden() -> None:
-    follower, head, asked = HeadFollower(CONFIG, EYE), np.zeros(2), np.zeros(2)
+    follower, head, asked, before = HeadFollower(CONFIG, EYE), np.zeros(2), np.zeros(2), np.zeros(2)
     target, rate = np.array([0.1, 0.05]), np.array([0.3, -0.05])
     offs = []
     for index in range(220):
         follower.turned(index * STEP_NS, *head.tolist())
         foreseen, off, seen = follower.expected(NOTHING), target - head, index < 120
         expected = None if foreseen is None else foreseen.box
+        if foreseen is not None and index < 120:
+            stood = np.array(_box(off)[:2]) - _box(target - before)[:2]
+            assert foreseen.moved_px == pytest.approx(stood, abs=0.2), "what stands there moves by the head alone"
+        before = head
         if 10 < index < 120:
             assert expected == pytest.approx(_box(off), abs=5.0)
         if 120 <= index < 135:

@@ -20,6 +20,10 @@ CONFIG = UnicycleConfig()
 SIZE_M, BELOW_M = np.array([0.25, 0.35]), 0.2
 
 
+def _middle(box: Box) -> tuple[float, float]:
+    return box[0] + box[2] / 2, box[1] + box[3] / 2
+
+
 class World:
     """A robot with a lag in its wheels, and a target that keeps its velocity."""
 
@@ -28,16 +32,18 @@ class World:
         self.place, self.yaw, self.own = np.zeros(2), 0.0, np.zeros(2)
         self.target, self.velocity = np.array([0.8, 0.0]), np.array(velocity)
         self.t_ns, self.grown = 0, 1.0
+        self.before, self.moved_px = (self.place, self.yaw), (math.nan, math.nan)
 
-    def ahead(self) -> np.ndarray:
-        """Of the target from the robot, ahead and to the right, (2,), m."""
-        x, y = self.target - self.place
-        c, s = math.cos(self.yaw), math.sin(self.yaw)
+    def ahead(self, before: bool = False) -> np.ndarray:
+        """Of the target from the robot now, or from where it was, ahead and to the right, (2,), m."""
+        place, yaw = self.before if before else (self.place, self.yaw)
+        x, y = self.target - place
+        c, s = math.cos(yaw), math.sin(yaw)
         return np.array([c * x + s * y, c * y - s * x])
 
-    def box(self) -> Box:
-        """Where the picture shows the target, px."""
-        ahead, aside = self.ahead()
+    def box(self, before: bool = False) -> Box:
+        """Where the picture shows the target, or showed it if it was there already, px."""
+        ahead, aside = self.ahead(before)
         width, height = EYE.fx_px * SIZE_M / ahead
         u, v = EYE.cx_px + EYE.fx_px * aside / ahead, EYE.cy_px + EYE.fy_px * BELOW_M / ahead
         width, height = self.grown * width, self.grown * height
@@ -47,9 +53,11 @@ class World:
         """One picture; returns where it was expected to show the target."""
         self.follower.roll(self.t_ns, *self.own.tolist())
         expected = self.follower.expected()
+        self.moved_px = None if expected is None else expected.moved_px
         depth_m = np.full((4, 4), self.ahead()[0] if self.ahead()[0] < 1.0 else 0.0)
         asked = self.follower.step(self.box() if seen else None, depth_m if seen else None)
         self.own += (np.array([asked.speed_m_s, asked.turn_rad_s]) - self.own) * STEP_S / CONFIG.lag_s
+        self.before = self.place, self.yaw
         self.yaw += self.own[1] * STEP_S
         self.place = self.place + self.own[0] * STEP_S * np.array([math.cos(self.yaw), math.sin(self.yaw)])
         self.target = self.target + self.velocity * STEP_S
@@ -74,6 +82,30 @@ def test_a_target_that_drives_on_is_expected_where_it_is_and_followed_while_it_i
     for _ in range(60):
         expected = world.step(False)
     assert expected is None and np.abs(world.own).max() < 0.05, "who stays away is not driven after"
+
+
+def test_what_stands_where_the_target_is_moves_by_what_the_wheels_do_alone() -> None:
+    world = World((0.3, 0.2))
+    most = 0.0
+    for index in range(120):
+        stood = np.array(_middle(world.box())) - _middle(world.box(before=True))
+        world.step(True)
+        if index > 10:
+            assert world.moved_px == pytest.approx(stood, abs=0.3)
+            most = max(most, float(np.hypot(*stood)))
+    assert most > 2.0
+
+
+def test_what_the_wheels_begin_to_do_changes_the_rates_before_a_picture_shows_it() -> None:
+    world = World((0.0, 0.0))
+    for _ in range(40):
+        world.step(True)
+    world.follower.roll(world.t_ns, 0.3, 0.5)
+    world.follower.step(world.box(), np.full((4, 4), world.ahead()[0]))
+    depth = world.follower._depth._filter
+    assert depth is not None
+    assert depth.rate[2] == pytest.approx(-0.3, abs=0.06), "it comes nearer as fast as the robot drives at it"
+    assert depth.rate[0] == pytest.approx(-0.5 * EYE.fx_px, rel=0.2), "and goes to the left as the robot turns"
 
 
 def test_a_box_that_grows_by_half_at_the_same_distance_is_not_expected_so() -> None:

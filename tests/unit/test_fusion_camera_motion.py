@@ -38,6 +38,14 @@ def test_a_thing_that_moves_alone_is_no_motion_of_the_camera() -> None:
         assert np.abs(camera.see(picture, number)).max() < 1.0
 
 
+def test_what_a_platform_knows_of_its_motion_is_taken_for_it() -> None:
+    motion, dark = CameraMotion(), np.zeros((240, 320), np.uint8)
+    for k in range(4):
+        place = motion.see(dark, k, None if k == 2 else (3.0, -1.5))
+    assert place == pytest.approx([9.0, -4.5]), "one was not known, and a dark picture tells none"
+    assert motion.at(1) == pytest.approx([6.0, -3.0])
+
+
 def test_pictures_with_nothing_in_common_tell_no_motion() -> None:
     camera = CameraMotion()
     camera.see(_view(0, 0), 0)

@@ -137,6 +137,20 @@ def test_what_stands_at_the_targets_place_is_followed_for_a_while_by_itself_and_
         assert result.overlap(solid) > 0.8
 
 
+def test_what_the_platform_does_moves_the_answer_though_no_picture_shows_it() -> None:
+    member = Scripted()
+    tracker, dark = fused(member), np.zeros_like(FRAME)
+    for k in range(1, 10):
+        tracker.foresee(Foreseen(BOX, moved_px=(0.0, 0.0)))
+        tracker.update(dark, k * 40_000_000)
+    member.state = "lost"
+    for k in range(10, 16):
+        tracker.foresee(Foreseen(BOX, moved_px=(-6.0, 2.0)))
+        result = tracker.update(dark, k * 40_000_000)
+    assert result.state == "predicted"
+    assert result.center_px == pytest.approx((BOX[0] + BOX[2] / 2 - 36.0, BOX[1] + BOX[3] / 2 + 12.0), abs=1.0)
+
+
 def test_of_members_that_disagree_after_a_loss_the_one_that_looks_like_the_target_speaks() -> None:
     right, wrong = Scripted(), Scripted()
     tracker = fused(wrong, right)
