@@ -41,23 +41,23 @@ class Candidate:
 def upright_patch(grey: np.ndarray, box: Box) -> np.ndarray:
     """The box's content at 15 x 15 px, of mean 0 and length 1, (225,) float32; what is beyond the edge repeats it."""
     x, y, width, height = box
-    centre = (x + (width - 1) / 2, y + (height - 1) / 2)
-    matrix = np.array([[width / _SIDE, 0.0, centre[0]], [0.0, height / _SIDE, centre[1]]])
-    matrix[:, 2] -= matrix[:, :2] @ np.full(2, (_SIDE - 1) / 2)
-    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    step_x, step_y = width / _SIDE, height / _SIDE
+    left, top = x + (step_x - 1) / 2, y + (step_y - 1) / 2
     # A box of many pixels is first blurred to what a patch's pixel covers, or its samples would be noise.
-    coarse = max(width, height) / _SIDE
+    coarse = max(step_x, step_y)
     if coarse > 2.0:
         step = int(coarse)
         x0, y0 = max(0, int(x) - step), max(0, int(y) - step)
         x1, y1 = min(grey.shape[1], math.ceil(x + width) + step), min(grey.shape[0], math.ceil(y + height) + step)
         if x1 > x0 and y1 > y0:
             grey = cv2.blur(grey[y0:y1, x0:x1], (step, step))
-            matrix[:, 2] -= (x0, y0)
+            left, top = left - x0, top - y0
+    matrix = np.array([[step_x, 0.0, left], [0.0, step_y, top]])
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     patch = cv2.warpAffine(grey, matrix, (_SIDE, _SIDE), flags=flags, borderMode=cv2.BORDER_REPLICATE)
-    vector = patch.astype(np.float32).ravel()
-    vector -= vector.mean()
-    return vector / (float(np.linalg.norm(vector)) + 1e-3)
+    vector = patch.ravel().astype(np.float32)
+    vector -= np.add.reduce(vector) / vector.size
+    return vector / (math.sqrt(float(vector @ vector)) + 1e-3)
 
 
 class Appearance:

@@ -1,4 +1,4 @@
-"""Histograms of oriented gradients for correlation filters: like those of Felzenszwalb 2010, in plain NumPy."""
+"""Histograms of oriented gradients for correlation filters: like those of Felzenszwalb 2010."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 import cv2
 import numpy as np
 
-from common.tracking.hog_compiled import vote
+from common.tracking.hog_compiled import normalise, vote
 
 CELL_PX = 4
 """Side of a cell, px."""
@@ -36,15 +36,11 @@ def gradients_of_cells(patches: np.ndarray) -> np.ndarray:
     count, height, width = patches.shape
     rows, columns = height // CELL_PX, width // CELL_PX
     across, down = np.zeros_like(patches), np.zeros_like(patches)
-    across[:, :, 1:-1] = patches[:, :, 2:] - patches[:, :, :-2]
-    down[:, 1:-1] = patches[:, 2:] - patches[:, :-2]
+    np.subtract(patches[:, :, 2:], patches[:, :, :-2], out=across[:, :, 1:-1])
+    np.subtract(patches[:, 2:], patches[:, :-2], out=down[:, 1:-1])
     length, angle = cv2.cartToPolar(across.reshape(-1, width), down.reshape(-1, width))
     angle *= np.float32(_SIGNED / (2 * math.pi))
-    signed = np.zeros((count, rows, columns, _SIGNED), np.float32)
-    vote(length.reshape(patches.shape), angle.reshape(patches.shape), signed, CELL_PX, 1.0 / CELL_PX**2)
-    both = signed[..., :_UNSIGNED] + signed[..., _UNSIGNED:]
-    energy = np.pad((both * both).sum(axis=3), ((0, 0), (1, 1), (1, 1)), mode="edge")
-    energy = energy[:, :, :-2] + energy[:, :, 1:-1] + energy[:, :, 2:]
-    energy = (energy[:, :-2] + energy[:, 1:-1] + energy[:, 2:]) / 9
-    scale = 1.0 / (np.sqrt(energy) + _LEAST_ENERGY)
-    return np.minimum(np.concatenate([signed, both], axis=3) * scale[..., None], _LARGEST)
+    cells = np.zeros((count, rows, columns, CHANNELS), np.float32)
+    vote(length.reshape(patches.shape), angle.reshape(patches.shape), cells, _SIGNED, CELL_PX, 1.0 / CELL_PX**2)
+    normalise(cells, np.empty((count, rows, columns), np.float32), _UNSIGNED, _LEAST_ENERGY, _LARGEST)
+    return cells

@@ -15,7 +15,7 @@ def scan(  # type: ignore[no-untyped-def]
     pixels, sums, squares, windows, kinds, pairs, posteriors, stride,
     least_variance, least_confidence, codes, confidence,
 ):  # fmt: skip
-    """Codes and mean posterior of each window that is not plainer than the target; 0 for the others.
+    """Codes and mean posterior of each window that is not plainer than the target; -1 for the others.
 
     Args:
         pixels: (H * W,) uint8, the blurred picture.
@@ -28,18 +28,17 @@ def scan(  # type: ignore[no-untyped-def]
         stride: W.
         least_variance: of a window.
         least_confidence: a window whose mean posterior cannot reach it any more is given up.
-        codes: (n, ferns) int32, written; -1 in the first column where they were not computed.
-        confidence: (n,) float32, written.
+        codes: (n, ferns) int32, written where there is a confidence.
+        confidence: (n,) float32, written; -1 where a window was given up.
     """
     ferns, bits = pairs.shape[1], pairs.shape[2]
     for i in range(windows.shape[0]):
         x, y, w, h = windows[i, 0], windows[i, 1], windows[i, 2], windows[i, 3]
         area = float(w * h)
-        mean = (sums[y + h, x + w] - sums[y, x + w] - sums[y + h, x] + sums[y, x]) / area
-        square = (squares[y + h, x + w] - squares[y, x + w] - squares[y + h, x] + squares[y, x]) / area
-        confidence[i] = 0.0
-        codes[i, 0] = -1
-        if square - mean * mean < least_variance:
+        total = sums[y + h, x + w] - sums[y, x + w] - sums[y + h, x] + sums[y, x]
+        square = squares[y + h, x + w] - squares[y, x + w] - squares[y + h, x] + squares[y, x]
+        confidence[i] = -1.0
+        if square * area - total * total < least_variance * area * area:
             continue
         corner, kind, total = y * stride + x, kinds[i], 0.0
         for f in range(ferns):
@@ -51,9 +50,8 @@ def scan(  # type: ignore[no-untyped-def]
             codes[i, f] = code
             total += posteriors[f, code]
             if total + (ferns - f - 1) < least_confidence * ferns:
-                codes[i, 0] = -1
                 break
-        if codes[i, 0] >= 0:
+        else:
             confidence[i] = total / ferns
 
 

@@ -92,11 +92,11 @@ class Detector:
         shared = self._overlaps(box)
         self._teach_target(small, box, shared, _FIRST_WARPS)
         self._scan(small, 0.0)
-        self._teach(self._codes[shared < _FAR], target=False)
+        self._teach(self._codes[(shared < _FAR) & (self._confidence >= 0.0)], target=False)
 
     def others(self, box: Box, count: int) -> list[Box]:
         """Some windows of the picture that was learned first that are not plain and not the target, px."""
-        far = np.flatnonzero((self._overlaps(box) < _FAR) & (self._codes[:, 0] >= 0))
+        far = np.flatnonzero((self._overlaps(box) < _FAR) & (self._confidence >= 0.0))
         chosen = self._rng.choice(far, min(count, len(far)), replace=False)
         return [tuple(window) for window in (self._windows[chosen] / self._shrink).tolist()]
 
@@ -178,8 +178,7 @@ class Detector:
         )  # fmt: skip
 
     def _teach(self, codes: np.ndarray, *, target: bool) -> None:
-        """Count codes (n, ferns) that the ferns judge wrongly, and set their posteriors anew; -1 marks no code."""
-        codes = codes[codes[:, 0] >= 0]
+        """Count codes (n, ferns) that the ferns judge wrongly, and set their posteriors anew."""
         ferns = np.arange(codes.shape[1])
         confidence = self._posteriors[ferns, codes].mean(axis=1)
         codes = codes[confidence <= _CONFIDENT if target else confidence >= _CONFIDENT]

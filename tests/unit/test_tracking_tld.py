@@ -66,8 +66,7 @@ def test_scan_gives_the_codes_and_posteriors_of_its_definition() -> None:
     sums, squares = cv2.integral2(grey, sdepth=cv2.CV_64F, sqdepth=cv2.CV_64F)
     codes, confidence = np.zeros((3, 3), np.int32), np.zeros(3, np.float32)
     scan(grey.ravel(), sums, squares, windows, kinds, pairs, posteriors, 50, 500.0, 0.0, codes, confidence)
-    assert codes[0, 0] == -1
-    assert confidence[0] == 0.0
+    assert confidence[0] == -1.0
     for i in (1, 2):
         x, y, _, _ = windows[i]
         points = pixels[kinds[i]]
