@@ -23,11 +23,12 @@ from common.config import ConfigError
 from onboard.people.appearance import look_of, similarity
 from onboard.people.association import assign
 from onboard.people.config import AssociationConfig
+from onboard.people.identity import Detection
 from onboard.people.pose import Picture
 from onboard.people.pose_file import blazepose_file
 from onboard.people.pose_finder import PoseFinder
 from onboard.people.pose_network import PoseNetwork, blazepose
-from onboard.people.tracks import Detection, PeopleTracker
+from onboard.people.tracks import PeopleTracker
 
 _RATE_HZ = 10.0
 _SHIFT_PX = 120.0

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from common.geometry.camera import Camera
 from common.geometry.rotation import Array
 from onboard.people.bodies import Body, VehiclePose, body_of
+from onboard.people.identity import Track
 from onboard.people.spot import Spot
-from onboard.people.tracks import Track
 from onboard.people.walk import Walks
 
 _IN_SIGHT_S = 0.5

@@ -21,6 +21,7 @@ from onboard.people.depth import UnusableDepth
 from onboard.people.detector import PersonDetector
 from onboard.people.examine import examine
 from onboard.people.findings import Findings, Found, Frame
+from onboard.people.identity import Detection, Track
 from onboard.people.memory import Memory
 from onboard.people.pipeline_config import PeopleConfig
 from onboard.people.pose import STANDING_M, Pose
@@ -28,7 +29,7 @@ from onboard.people.pose_finder import PoseFinder
 from onboard.people.pose_network import PoseNetwork
 from onboard.people.sights import DepthSearch, Sight
 from onboard.people.spot import Spot
-from onboard.people.tracks import Detection, PeopleTracker, Track
+from onboard.people.tracks import PeopleTracker
 from onboard.people.trim import is_part
 from onboard.people.walk import Walks
 from onboard.people.watch import Watch

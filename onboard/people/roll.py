@@ -8,8 +8,8 @@ from types import MappingProxyType
 
 from common.geometry.rotation import Array, as_vec3
 from common.messages import Command, Covariance, People, Person, Reply, person_label
+from onboard.people.identity import Track
 from onboard.people.pipeline import PeoplePipeline
-from onboard.people.tracks import Track
 
 _LABEL = re.compile(r"person (\d+)")
 _LONGEST_NAME = 40

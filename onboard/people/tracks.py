@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -12,6 +12,7 @@ from common.geometry.rotation import Array
 from onboard.people.appearance import Look, similarity
 from onboard.people.association import assign, match_cost
 from onboard.people.config import AssociationConfig
+from onboard.people.identity import Detection, Track
 from onboard.people.pose import Pose
 
 _LARGEST_STEP_S = 600.0
@@ -22,64 +23,6 @@ _ONE_SIGHT_S = 2.0
 """Who was taken for somebody new so short a time ago, and in the same unbroken sight is known again, was not new."""
 _CUT_OFF_M = 1.0
 """By so much the middle of what is left of a person at the picture's edge may be off."""
-
-
-@dataclass(frozen=True)
-class Detection:
-    """A person in one picture."""
-
-    pose: Pose
-    """Joints."""
-    look: Look
-    """Colours."""
-    ned_p_m: Array | None = None
-    """(3,) position; None without depth or vehicle pose."""
-    ned_p_cov_m2: Array | None = None
-    """(3, 3) its covariance."""
-    known: int | None = None
-    """Number that unbroken sight of the region suggests; None where it was not seen before."""
-    fresh: bool = True
-    """Whether pose and look come from this picture. What does not is taken for the person that `known` names."""
-    evidence: float = 1.0
-    """What the pose says, in looks (`pose_filter.evidence`)."""
-    followed: bool = False
-    """Whether what is not fresh was found where the body must be."""
-    whole: bool = True
-    """Whether the region keeps clear of the picture's edge: the middle of what is cut off lies elsewhere."""
-    stands: bool = False
-    """Whether they may be on their feet, and so elsewhere next time."""
-
-
-@dataclass(frozen=True)
-class Track:
-    """A person who was seen."""
-
-    number: int
-    """Identity, from 1; never given twice."""
-    confirmed: bool
-    """Whether it was seen in enough pictures to be believed."""
-    hits: int
-    """Pictures in which it was seen."""
-    looks: tuple[Look, ...]
-    """Gallery: looks that differ."""
-    pose: Pose
-    """The last one."""
-    seen_ns: int
-    """When that was."""
-    first_ns: int
-    """When it was first seen."""
-    ned_p_m: Array | None
-    """(3,) where; stays when the person is out of sight; None where it was never known."""
-    ned_p_cov_m2: Array | None
-    """(3, 3) covariance at `seen_ns`."""
-    dismissed: bool = False
-    """Whether it is nobody: it keeps its looks, so that it is not taken for somebody new."""
-    merged: tuple[int, ...] = ()
-    """Numbers that turned out to be this person."""
-    evidence: float = 0.0
-    """What the looks said together."""
-    stands: bool = False
-    """Whether they were ever on their feet, as far as it was seen."""
 
 
 class PeopleTracker:

@@ -10,7 +10,7 @@ from benchmarks.base import Settings
 from benchmarks.people_association import Seen
 from benchmarks.people_pose import CHECK_BOXES, Annotated, annotated
 from onboard.people.appearance import Look
-from onboard.people.tracks import Detection
+from onboard.people.identity import Detection
 from tests.unit.people_bodies import pose
 
 

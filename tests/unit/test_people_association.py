@@ -14,8 +14,9 @@ import pytest
 from onboard.people.appearance import Look, look_of, similarity
 from onboard.people.association import assign, match_cost, pose_dissimilarity
 from onboard.people.config import AssociationConfig
+from onboard.people.identity import Detection
 from onboard.people.pose import Pose
-from onboard.people.tracks import Detection, PeopleTracker
+from onboard.people.tracks import PeopleTracker
 from tests.unit.people_bodies import STANDING, moved, pose, region_of
 
 CONFIG = AssociationConfig()
