@@ -20,7 +20,7 @@ from onboard.fusion.drift import DriftWatch
 from onboard.fusion.expert import Expert, Opinion
 from onboard.fusion.motion import MotionFilter
 from onboard.fusion.source import Judgement, Measurement, Source, check_measurements, check_vector
-from onboard.fusion.vote import Vote
+from onboard.fusion.vote import ALIKE, Vote
 from onboard.fusion.weights import combine, severity, vote_weight
 
 FusionState = Literal["waiting", "tracking", "predicted", "lost"]
@@ -28,9 +28,6 @@ _ONE_SOURCE = 0.7
 """Confidence that one fully reliable source alone gives; two give 0.91."""
 _SUSPECT = 0.05
 """w_M from which a measurement counts as an outlier to its own past: well below one half it already weighs less."""
-_ALIKE = 0.7
-"""Distance of two measurements that count as alike, in switching distances of eq. 4.7: healthy ones of trackers lie as
-far apart."""
 _TYPICAL, _MOST_AGILE = 0.8, 10.0
 """Mean of eq. 4.3 over the number of components while nothing is wrong; and largest factor on the acceleration."""
 
@@ -201,7 +198,7 @@ class Fusion:
             for name in outliers
             for other in witnesses
             if name != other
-            and np.linalg.norm((opinions[name].value - opinions[other].value) / self.unit) < _ALIKE * self._switch
+            and np.linalg.norm((opinions[name].value - opinions[other].value) / self.unit) < ALIKE * self._switch
         ]
         # What several saw jump will jump again: a shaken camera, a target that turns on its heel.
         jumps = [min(opinions[name].mahalanobis for name in pair) / (_TYPICAL * self._size) for pair in alike]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 
@@ -12,6 +13,8 @@ from onboard.fusion.weights import separations
 
 _HANDICAP = 1.5
 """Distance that a voter without any standing is put further away, in switching distances of eq. 4.7."""
+ALIKE = 0.7
+"""Distance of two that agree, in the same: healthy ones of trackers lie as far apart."""
 
 
 class Vote:
@@ -44,7 +47,8 @@ class Vote:
 
         Voters are the sources and, beyond the thesis, the centre's own prediction: with two sources that disagree, or
         with all scattered, nothing but the past can tell which is right. While the answer rests on no source, the past
-        is worth less than one that vouches for itself: then such sources alone vote, if there are any.
+        is worth less than one that vouches for itself: then such sources alone vote, if there are any, and do not all
+        contradict one another.
 
         Args:
             heard: where each source that has a vote is now, (N,), by name.
@@ -57,7 +61,7 @@ class Vote:
         if len(heard) < 2:
             return distances
         strong = [name for name in heard if self._vouches[name] >= self._config.support]
-        chosen = bool(strong) and not supported
+        chosen = bool(strong) and not supported and not self._contradict([heard[name] / unit for name in strong])
         voting = strong if chosen else list(heard)
         voters, with_past = [heard[name] for name in voting], not chosen and past is not None
         if past is not None and with_past:
@@ -70,6 +74,11 @@ class Vote:
         self._stand(names, apart.min(axis=1), elapsed_s)
         votes = (apart + self._handicaps(names, voting, with_past, supported)).min(axis=1)
         return distances | dict(zip(names, votes.tolist(), strict=True))
+
+    def _contradict(self, points: Sequence[np.ndarray]) -> bool:
+        """Whether there are several (N,), and no two of them agree."""
+        apart = [float(np.linalg.norm(one - other)) for one, other in itertools.combinations(points, 2)]
+        return bool(apart) and min(apart) > ALIKE * self._switch
 
     def _handicaps(self, names: Sequence[str], voting: Sequence[str], with_past: bool, supported: bool) -> np.ndarray:
         """How much further away each voter is put for each source, (n, m), units.

@@ -72,6 +72,16 @@ def test_of_two_that_disagree_the_one_that_fits_the_past_is_believed() -> None:
     assert fused.sources["s1"].reliability < 1e-3 < fused.sources["s0"].reliability
 
 
+def test_of_two_that_see_again_and_disagree_the_one_that_fits_the_prediction_is_believed() -> None:
+    fusion = Fusion(sources(2, 0.05), FusionConfig())
+    run(fusion, [{"s0": np.zeros(2), "s1": np.zeros(2)}] * 40)
+    assert run(fusion, [{"s0": None, "s1": None}] * 4, 40).state == "predicted"
+    again = run(fusion, [{"s0": np.zeros(2), "s1": np.array([0.45, 0.0])}], 44)
+    assert again.state == "tracking"
+    assert again.sources["s0"].reliability > 0.9
+    assert again.sources["s1"].reliability < 0.1
+
+
 def test_a_jump_that_two_see_alike_is_followed_at_once_and_one_that_one_sees_is_not() -> None:
     still, away = np.zeros(2), np.array([6.0, -4.0])
     quiet: list[dict[str, object]] = [{"s0": still, "s1": still, "s2": still}] * 20
