@@ -25,10 +25,9 @@ _ALONE_THERE_UNLIKE = 0.4
 """Least relative similarity of a tracker that is alone, and is where the answer was: it has not gone elsewhere."""
 _ALONE_S, _OUTSHONE_S = 0.25, 0.15
 """How long no two must have agreed, and another have looked far more like the target, for that one to be followed."""
-_FOUND_UNLIKE = 0.6
-"""The same of one that is alone after the answer had rested on nobody: it has found something, maybe what covers it."""
-_SETTLED_S = 0.5
-"""For how long it must have seen that without a break for as little likeness as before to be enough, s."""
+_FOUND_MORE, _SETTLED_S = 0.2, 0.5
+"""How much more of one that is alone after the answer had rested on nobody, at first, and after how long with no break
+nothing more, s: what it has found may be what covers the target, and that passes."""
 _BROKEN_S = 0.15
 """For how long nobody must have spoken for the answer for it to count as broken off, s."""
 _UNDECIDED_S = 0.06
@@ -135,11 +134,15 @@ class Witness:
         begun = majority or self._choose(similar, boxes, fused, t_ns) or found_alone(similar, boxes, among)
         heard = boxes.keys() if self._chosen is None else {self._chosen, *same_as(self._chosen, boxes)}
         stretches = stretches if foreseen is None else {}
-        settled = all(n in stretches and t_ns - stretches[n].since_ns >= _SETTLED_S * 1e9 for n in boxes)
-        least = _FOUND_UNLIKE if self._broken and not settled else _ALONE_THERE_UNLIKE
+        least = _ALONE_THERE_UNLIKE + (self._unsettled(stretches, boxes, t_ns) if self._broken else 0.0)
         followed = (n for n in boxes if n in stretches and self._follows(stretches[n]))
         doubts = doubted(similar, boxes, among, least, foreseen, frozenset(followed)) - confirmed
         return Verdict(doubts, others | (boxes.keys() - heard), begun)
+
+    def _unsettled(self, stretches: Mapping[str, Stretch], boxes: Mapping[str, Box], t_ns: int) -> float:
+        """How much more likeness is asked of trackers that may have found another thing, by how long they have it."""
+        since_ns = max((stretches[n].since_ns if n in stretches else t_ns for n in boxes), default=t_ns)
+        return _FOUND_MORE * max(0.0, 1.0 - (t_ns - since_ns) * 1e-9 / _SETTLED_S)
 
     def _follows(self, stretch: Stretch) -> bool:
         """Whether a tracker has followed a thing that moves without a break since two last agreed."""

@@ -140,7 +140,7 @@ def test_after_the_answer_broke_off_one_alone_must_be_surer_and_nobody_is_put_on
     assert witness.judge(half, {"a": BOX}, True, lost, 300_000_000).doubted == {"a"}
     assert not witness.judge(half, {"a": BOX}, True, lost, 300_000_000, BOX).doubted, "but not where it is foreseen"
     settled = {"a": Stretch(700_000_000, rides=False)}
-    assert witness.judge(half, {"a": BOX}, True, lost, 1_100_000_000, stretches=settled).doubted == {"a"}
+    assert witness.judge(half, {"a": BOX}, True, lost, 750_000_000, stretches=settled).doubted == {"a"}
     assert not witness.judge(half, {"a": BOX}, True, lost, 1_300_000_000, stretches=settled).doubted, (
         "what covers passes"
     )
