@@ -47,12 +47,22 @@ class TrackResult:
     def overlap(self, box: Box) -> float:
         """Area of the intersection with an upright box over the area of the union (Jaccard), 0 to 1."""
         mine = (self.center_px, self.size_px, math.degrees(self.angle_rad))
-        other = ((box[0] + box[2] / 2, box[1] + box[3] / 2), (box[2], box[3]), 0.0)
+        other = (center_of(box), (box[2], box[3]), 0.0)
         _, polygon = cv2.rotatedRectangleIntersection(mine, other)
         if polygon is None or len(polygon) < 3:
             return 0.0
         shared = float(cv2.contourArea(cv2.convexHull(polygon)))
         return shared / (self.size_px[0] * self.size_px[1] + box[2] * box[3] - shared)
+
+
+def center_of(box: Box) -> tuple[float, float]:
+    """Centre (column, row) of an upright box, px."""
+    return box[0] + box[2] / 2, box[1] + box[3] / 2
+
+
+def size_of(box: Box) -> float:
+    """Side of the square of a box's area, px."""
+    return math.sqrt(box[2] * box[3])
 
 
 def upright_around(box: Box, angle_rad: float) -> Box:

@@ -9,7 +9,7 @@ from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
-from common.tracking.base import Box, Expectation, TrackResult, TrackState, check_box, check_frame
+from common.tracking.base import Box, Expectation, TrackResult, TrackState, center_of, check_box, check_frame
 
 _LEAST_SIDE_PX = 6.0
 
@@ -69,7 +69,7 @@ class BoxTracker(ABC):
         """
         self._started("place")
         check_box(frame, box, 0.0)
-        self._center = np.array([box[0] + box[2] / 2, box[1] + box[3] / 2])
+        self._center = np.array(center_of(box))
         self._scale = self._bounded(math.sqrt(box[2] * box[3] / float(self._base.prod())))
         self._unseen = 0
 
@@ -103,7 +103,7 @@ class BoxTracker(ABC):
         check_box(frame, box, angle_rad)
         self._shape, self._t_ns = frame.shape, t_ns
         self._base = np.array(box[2:], float)
-        self._center = np.array([box[0] + box[2] / 2, box[1] + box[3] / 2])
+        self._center = np.array(center_of(box))
         self._scale, self._angle = 1.0, 0.0
         self._unseen, self._unseen_ns, self._number = 0, 0, 0
         self._expected_px: np.ndarray | None = None

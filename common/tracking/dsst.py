@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from common.tracking.appearance import Appearance, upright_patch
-from common.tracking.base import Box
+from common.tracking.base import Box, center_of
 from common.tracking.box_tracker import BoxTracker, Step
 from common.tracking.correlation import CorrelationFilter, peak_of, peak_to_sidelobe
 from common.tracking.dsst_config import DsstConfig
@@ -108,9 +108,8 @@ class DsstTracker(BoxTracker):
             config = self._config
             if candidate.similarity < config.found_similarity or candidate.correlation < config.found_correlation:
                 break
-            x, y, width, height = candidate.box
-            self._center = np.array([x + width / 2, y + height / 2])
-            self._scale = self._bounded(before[1] * width / size[0])
+            self._center = np.array(center_of(candidate.box))
+            self._scale = self._bounded(before[1] * candidate.box[2] / size[0])
             score = self._follow(frame, grey)
             if score >= 0.5:
                 return score

@@ -15,7 +15,7 @@ import numpy as np
 
 from common.evaluation import jaccard
 from common.tracking.appearance import Appearance, upright_patch
-from common.tracking.base import Box
+from common.tracking.base import Box, center_of, size_of
 from common.tracking.box_tracker import BoxTracker, Step
 from common.tracking.median_flow import median_flow
 from common.tracking.tld_config import TldConfig
@@ -124,16 +124,16 @@ class TldTracker(BoxTracker):
         return float(self._center[0]) - width / 2, float(self._center[1]) - height / 2, width, height
 
     def _go_to(self, box: Box) -> None:
-        self._center = np.array([box[0] + box[2] / 2, box[1] + box[3] / 2])
+        self._center = np.array(center_of(box))
         self._scale = self._bounded(math.sqrt(box[2] * box[3] / float(self._base.prod())))
 
     def _tracked(self, grey: np.ndarray, box: Box) -> Box | None:
         """Where the flow carries a box; None where it fails, or leaves the picture."""
         moved = median_flow(self._grey, grey, box, self._expected_px)
-        if moved is None or moved.error_px > self._config.flow_error * math.sqrt(box[2] * box[3]):
+        if moved is None or moved.error_px > self._config.flow_error * size_of(box):
             return None
         width, height = box[2] * moved.grown, box[3] * moved.grown
-        u, v = np.array([box[0] + box[2] / 2, box[1] + box[3] / 2]) + moved.offset_px
+        u, v = np.array(center_of(box)) + moved.offset_px
         rows, columns = grey.shape
         if not (0 <= u < columns and 0 <= v < rows):
             return None

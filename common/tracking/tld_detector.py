@@ -5,12 +5,10 @@ Kalal et al. 2012, sections 5.3 and 5.6. The nearest neighbours, its third stage
 
 from __future__ import annotations
 
-import math
-
 import cv2
 import numpy as np
 
-from common.tracking.base import Box
+from common.tracking.base import Box, center_of, size_of
 from common.tracking.tld_compiled import overlaps, scan
 from common.tracking.tld_config import TldConfig
 
@@ -40,7 +38,7 @@ class Detector:
     """
 
     def __init__(self, shape: tuple[int, int], box: Box, config: TldConfig, rng: np.random.Generator):
-        self._shrink = min(1.0, config.side_px / math.sqrt(box[2] * box[3]))
+        self._shrink = min(1.0, config.side_px / size_of(box))
         self._shape = (round(shape[0] * self._shrink), round(shape[1] * self._shrink))
         self._rng = rng
         sides = self._sides(np.array(box[2:]) * self._shrink, config)
@@ -135,7 +133,8 @@ class Detector:
         confidence = np.empty(len(near), np.float32)
         x0, y0 = windows[:, :2].min(axis=0).tolist()
         x1, y1 = (windows[:, :2] + windows[:, 2:]).max(axis=0).tolist()
-        middle = ((box[0] + box[2] / 2) * self._shrink, (box[1] + box[3] / 2) * self._shrink)
+        u, v = center_of(box)
+        middle = (u * self._shrink, v * self._shrink)
         picture = np.zeros(self._shape, np.uint8)
         for number in range(warps + 1):
             part = small[y0:y1, x0:x1] if number == 0 else self._distorted(small, middle, (x0, y0, x1, y1))

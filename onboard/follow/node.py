@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING
@@ -26,7 +27,7 @@ from common.messages import (
     VehicleState,
 )
 from common.node import CommandCall, Inputs, Node, On, Output
-from common.tracking.base import Box
+from common.tracking.base import Box, center_of, size_of
 from onboard.follow.choice import Choice, Picture, Pictures
 from onboard.follow.config import FollowConfig
 from onboard.helm.config import HelmConfig
@@ -287,7 +288,4 @@ def _apart(mine: Box | None, theirs: Box, gap: float) -> bool:
     """Whether two boxes' centres differ by more than so many target sizes."""
     if mine is None:
         return True
-    centres = np.hypot(
-        mine[0] + mine[2] / 2 - theirs[0] - theirs[2] / 2, mine[1] + mine[3] / 2 - theirs[1] - theirs[3] / 2
-    )
-    return bool(centres > gap * np.sqrt(theirs[2] * theirs[3]))
+    return math.dist(center_of(mine), center_of(theirs)) > gap * size_of(theirs)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from common.geometry.camera import Camera, horizontal_tangents
 from common.geometry.rotation import quat_conjugate, quat_multiply, quat_rotate
-from common.tracking.base import Box
+from common.tracking.base import Box, center_of
 from onboard.follow.config import FollowConfig
 from onboard.follow.law import TargetState
 from onboard.fusion.depth import DepthConfig, DepthFusion, size_ratio
@@ -99,7 +99,7 @@ class Sight:
             pose: the vehicle then.
             depth_m: depth inside the box, (h, w), m, 0 for none; None without a depth camera.
         """
-        centre = (box[0] + box[2] / 2, box[1] + box[3] / 2)
+        centre = center_of(box)
         eye = pose.ned_p_m + quat_rotate(pose.ned_q_body, np.array(self._camera.body_p_camera_m))
         if self.ahead:
             return self._faced(t_ns, box, centre, eye, pose, depth_m)

@@ -15,7 +15,7 @@ from collections import OrderedDict
 import cv2
 import numpy as np
 
-from common.tracking.base import Box, Expectation, Tracker
+from common.tracking.base import Box, Expectation, Tracker, center_of
 from common.tracking.box_tracker import BoxTracker
 
 _SIDE_PX = 120
@@ -38,8 +38,8 @@ _REMEMBERED = 64
 
 def expectation(box: Box, shift_px: np.ndarray) -> Expectation:
     """What a tracker is told of a picture that has moved by (2,) px since the one in which its target was there."""
-    center = (box[0] + box[2] / 2 + float(shift_px[0]), box[1] + box[3] / 2 + float(shift_px[1]))
-    return Expectation(center, 0.0, (float(shift_px[0]), float(shift_px[1])), 0.0, 1.0)
+    (u, v), (across, down) = center_of(box), shift_px.tolist()
+    return Expectation((u + across, v + down), 0.0, (across, down), 0.0, 1.0)
 
 
 def tell(tracker: Tracker, expected: Expectation) -> None:

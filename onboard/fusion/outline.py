@@ -18,7 +18,7 @@ import numpy as np
 
 from common.evaluation import jaccard
 from common.tracking.appearance import upright_patch
-from common.tracking.base import Box
+from common.tracking.base import Box, center_of, size_of
 
 _CELLS, _BOX_CELLS = 48, 20
 """Side of the square map around the box, and of the box within it."""
@@ -149,15 +149,10 @@ class Outline:
     def _reference(self, now: _Seen) -> _Seen | None:
         """The newest picture since which the target has moved far enough over the ground."""
         for before in reversed(self._seen):
-            moved = (_center(now.box) - now.place) - (_center(before.box) - before.place)
-            size = float(np.sqrt(now.box[2] * now.box[3]))
-            if np.hypot(*moved) >= max(_LEAST_PX, _LEAST_SHARE * size):
+            moved = np.subtract(center_of(now.box), now.place) - np.subtract(center_of(before.box), before.place)
+            if np.hypot(*moved) >= max(_LEAST_PX, _LEAST_SHARE * size_of(now.box)):
                 return before
         return None
-
-
-def _center(box: Box) -> np.ndarray:
-    return np.array([box[0] + box[2] / 2, box[1] + box[3] / 2])
 
 
 def _preference(before: _Seen, now: _Seen) -> np.ndarray:

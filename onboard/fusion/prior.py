@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 
 from common.evaluation import jaccard
-from common.tracking.base import Box
+from common.tracking.base import Box, center_of, size_of
 
 _REACH, _SPEED = 1.5, 5.0
 """How far from the answer the target may be found: target sizes, and more for each second since two agreed on it."""
@@ -46,20 +46,20 @@ def out_of_reach(boxes: Mapping[str, Box], last: Box, since_s: float) -> frozens
     """
     size = math.sqrt(max(1.0, last[2] * last[3]))
     reach_px, grown = size * (_REACH + _SPEED * since_s), _GROWN + _GROWTH * since_s
-    u, v = _center(last)
+    u, v = center_of(last)
 
     def beyond(box: Box) -> bool:
-        x, y = _center(box)
-        return math.hypot(x - u, y - v) > reach_px or abs(math.log(math.sqrt(box[2] * box[3]) / size)) > grown
+        x, y = center_of(box)
+        return math.hypot(x - u, y - v) > reach_px or abs(math.log(size_of(box) / size)) > grown
 
     return frozenset(name for name, box in boxes.items() if beyond(box))
 
 
 def as_foreseen(box: Box, foreseen: Box) -> bool:
     """Whether a box is where, and as large as, the target's motion over ground leads one to expect it, px."""
-    size = math.sqrt(foreseen[2] * foreseen[3])
-    (u, v), (x, y) = _center(foreseen), _center(box)
-    grown = math.log(math.sqrt(box[2] * box[3]) / size)
+    size = size_of(foreseen)
+    (u, v), (x, y) = center_of(foreseen), center_of(box)
+    grown = math.log(size_of(box) / size)
     return math.hypot(x - u, y - v) <= _FORESEEN * size and abs(grown) <= _FORESEEN_GROWN
 
 
@@ -136,7 +136,3 @@ def outshining(similar: Mapping[str, float], boxes: Mapping[str, Box], last: Box
     if away.get(best, 0.0) < max(_SURELY, there + _FAR_MORE):
         return frozenset()
     return frozenset(name for name in away if jaccard(boxes[name], boxes[best]) > _TOGETHER)
-
-
-def _center(box: Box) -> tuple[float, float]:
-    return box[0] + box[2] / 2, box[1] + box[3] / 2

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from common.tracking.appearance import upright_patch
-from common.tracking.base import Box
+from common.tracking.base import Box, center_of, size_of
 
 _REACH_S = 0.4
 """Greatest time between the two pictures that are compared."""
@@ -102,14 +102,10 @@ class Riding:
             if name not in before.boxes or before.t_ns < self._since.get(name, now.t_ns):
                 continue
             was = before.boxes[name]
-            moved = _center(box) - now.place - (_center(was) - before.place)
-            if float(np.hypot(*moved)) >= _LEAST_SHARE * math.sqrt(box[2] * box[3]):
+            moved = np.subtract(center_of(box), now.place) - np.subtract(center_of(was), before.place)
+            if float(np.hypot(*moved)) >= _LEAST_SHARE * size_of(box):
                 look = upright_patch(now.grey, box)
                 ground: Box = (*(np.array(box[:2]) + before.place - now.place).tolist(), *box[2:])
                 with_it, with_ground = upright_patch(before.grey, was), upright_patch(before.grey, ground)
                 return float(look @ (with_it - with_ground))
         return None
-
-
-def _center(box: Box) -> np.ndarray:
-    return np.array([box[0] + box[2] / 2, box[1] + box[3] / 2])

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from common.tracking.base import Box
+from common.tracking.base import Box, center_of
 from onboard.fusion.source import Source
 
 SILHOUETTE = Source("silhouette", (0.03, 0.03, 0.05, 0.05), threshold=0.5)
@@ -54,9 +54,7 @@ def silhouette(apart: NDArray[np.int8], foreseen: Box, reach_px: float, shape: t
         larger = max(abs(math.log(box[2] / foreseen[2])), abs(math.log(box[3] / foreseen[3])))
         if larger > _ALIKE or float(np.mean(apart[inside] == 0)) > _UNKNOWN:
             continue
-        off = math.hypot(
-            box[0] + box[2] / 2 - foreseen[0] - foreseen[2] / 2, box[1] + box[3] / 2 - foreseen[1] - foreseen[3] / 2
-        )
+        off = math.dist(center_of(box), center_of(foreseen))
         if off <= least:
             best, least = box, off
     return best
