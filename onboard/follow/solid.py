@@ -21,8 +21,11 @@ from onboard.fusion.foreseen import Foreseen
 from onboard.proximity.pose import Pose
 
 Array = NDArray[np.float64]
-_FLOOR_M = 0.2
-"""Height below which a depth may be of the floor, m."""
+_FLOOR_M, _FLOOR = 0.1, 0.05
+"""Height below which a depth may be of the floor, m, and more for each metre of distance: a mount that shakes, or a
+pose that is late, tilts it by so much."""
+_DEEP_M = 0.6
+"""Greatest depth of a thing, m, between its nearest and its farthest tenth: floor and walls go on."""
 _HOLES = np.ones((3, 3), np.uint8)
 _LEAST_SHARE = 0.3
 """Least area of a thing over that of the foreseen box."""
@@ -54,8 +57,8 @@ class Solid:
     def __init__(self, camera: Camera):
         self._camera = camera
         self._rays = np.zeros((0, 0, 3))
-        self._relation = np.zeros(5)
-        """The box's middle against the thing's, in the thing's sides, and the ratios of their sides and of their areas,
+        self._relation = np.zeros(4)
+        """The box's middle against the thing's, in the thing's sides, and the ratios of their heights and areas,
         logarithms."""
         self._learned_s = 0.0
         self._t_ns = 0
@@ -74,6 +77,8 @@ class Solid:
     def find(self, pose: Pose, foreseen: Foreseen, reach_m: float) -> Box | None:
         """The target's box by the thing at its place; None where there is none, more than one, or nothing is known yet.
 
+        It is as large as foreseen: the box around who leans is no box of any tracker.
+
         Args:
             pose: the vehicle.
             foreseen: where the target is expected, how far, and the depth picture.
@@ -82,7 +87,7 @@ class Solid:
         if self._learned_s < _KNOWN_S:
             return None
         like = [thing for thing in self.things(pose, foreseen) if self._is_like(thing, foreseen.box)]
-        boxes = [_applied(self._relation, thing.box) for thing in like]
+        boxes = [_applied(self._relation, thing.box, foreseen.box) for thing in like]
         off = sorted((self._off_m(box, foreseen), box) for box in boxes)
         clear = len(off) == 1 or (len(off) > 1 and off[1][0] - off[0][0] > _CLEARER_M)
         return off[0][1] if clear and off[0][0] <= reach_m else None
@@ -99,9 +104,9 @@ class Solid:
         rays = self._rays_of(depth_m.shape)[rows, columns]
         down = quat_to_matrix(quat_multiply(pose.ned_q_body, self._camera.body_q_camera))[2]
         eye = pose.ned_p_m + quat_to_matrix(pose.ned_q_body) @ np.array(self._camera.body_p_camera_m)
-        above = part * (rays @ down) < -float(eye[2]) - _FLOOR_M
+        above = part * (rays @ down) < -float(eye[2]) - _FLOOR_M - _FLOOR * part
         mask = cv2.morphologyEx((above & foreseen.as_far(part)).astype(np.uint8), cv2.MORPH_CLOSE, _HOLES)
-        number, _, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+        number, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
         scale = self._camera.width / depth_m.shape[1]
         least = _LEAST_SHARE * foreseen.box[2] * foreseen.box[3] / scale**2
         return [
@@ -109,8 +114,8 @@ class Solid:
                 ((left + columns.start) * scale, (top + rows.start) * scale, width * scale, height * scale),
                 area * scale**2,
             )
-            for left, top, width, height, area in stats[1:number].tolist()
-            if area >= least
+            for label, (left, top, width, height, area) in enumerate(stats[1:number].tolist(), 1)
+            if area >= least and _deep_m(part[(labels == label) & (part > 0.0)]) <= _DEEP_M
         ]
 
     def _window(self, shape: tuple[int, ...], foreseen: Foreseen) -> tuple[slice, slice]:
@@ -132,8 +137,8 @@ class Solid:
 
     def _is_like(self, thing: Thing, expected: Box) -> bool:
         """Whether it is as tall and as large as the thing is that the target is a part of."""
-        taller = math.log(thing.box[3] / expected[3]) + self._relation[3]
-        larger = 0.5 * (math.log(thing.area / (expected[2] * expected[3])) + self._relation[4])
+        taller = math.log(thing.box[3] / expected[3]) + self._relation[2]
+        larger = 0.5 * (math.log(thing.area / (expected[2] * expected[3])) + self._relation[3])
         return abs(taller) <= _TALLER and abs(larger) <= _LARGER
 
     def _off_m(self, box: Box, foreseen: Foreseen) -> float:
@@ -145,15 +150,19 @@ class Solid:
 def _relation(box: Box, thing: Thing) -> Array:
     (x, y, width, height), (left, top, across, tall) = box, thing.box
     off = (x + width / 2 - left - across / 2) / across, (y + height / 2 - top - tall / 2) / tall
-    ratios = width / across, height / tall, width * height / thing.area
-    return np.array([*off, *(math.log(ratio) for ratio in ratios)])
+    return np.array([*off, math.log(height / tall), math.log(width * height / thing.area)])
 
 
-def _applied(relation: Array, thing: Box) -> Box:
-    left, top, across, tall = thing
-    right, down, wider, taller, _ = relation.tolist()
-    width, height = across * math.exp(wider), tall * math.exp(taller)
+def _applied(relation: Array, thing: Box, size: Box) -> Box:
+    (left, top, across, tall), (_, _, width, height) = thing, size
+    right, down = relation[:2].tolist()
     return left + across / 2 + right * across - width / 2, top + tall / 2 + down * tall - height / 2, width, height
+
+
+def _deep_m(depth_m: Array) -> float:
+    """From the nearest tenth of some depths to the farthest, m."""
+    nearest, farthest = np.percentile(depth_m, (10, 90)).tolist()
+    return farthest - nearest
 
 
 def _holds(thing: Box, box: Box) -> bool:
