@@ -27,6 +27,8 @@ pose that is late, tilts it by so much."""
 _DEEP_M = 0.6
 """Greatest depth of a thing, m, between its nearest and its farthest tenth: floor and walls go on."""
 _HOLES = np.ones((3, 3), np.uint8)
+_FOOT = 0.2
+"""Share of a thing's height that is its lowest part."""
 _LEAST_SHARE = 0.3
 """Least area of a thing over that of the foreseen box."""
 _TALLER, _LARGER = 0.35, 0.25
@@ -45,6 +47,8 @@ class Thing(NamedTuple):
     """Upright box around it, px."""
     area: float
     """What it fills of the picture, px²."""
+    foot: float
+    """Column of the middle of its lowest part, px: who leans stands where he stood."""
 
 
 class Solid:
@@ -87,10 +91,12 @@ class Solid:
         if self._learned_s < _KNOWN_S:
             return None
         like = [thing for thing in self.things(pose, foreseen) if self._is_like(thing, foreseen.box)]
-        boxes = [_applied(self._relation, thing.box, foreseen.box) for thing in like]
-        off = sorted((self._off_m(box, foreseen), box) for box in boxes)
-        clear = len(off) == 1 or (len(off) > 1 and off[1][0] - off[0][0] > _CLEARER_M)
-        return off[0][1] if clear and off[0][0] <= reach_m else None
+        if not like:
+            return None
+        like.sort(key=lambda thing: self._off_m(thing, foreseen))
+        off_m = [self._off_m(thing, foreseen) for thing in like]
+        clear = len(like) == 1 or off_m[1] - off_m[0] > _CLEARER_M
+        return _applied(self._relation, like[0].box, foreseen.box) if clear and off_m[0] <= reach_m else None
 
     def things(self, pose: Pose, foreseen: Foreseen) -> list[Thing]:
         """What stands free of the floor at the target's distance, near its place."""
@@ -109,14 +115,16 @@ class Solid:
         number, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
         scale = self._camera.width / depth_m.shape[1]
         least = _LEAST_SHARE * foreseen.box[2] * foreseen.box[3] / scale**2
-        return [
-            Thing(
-                ((left + columns.start) * scale, (top + rows.start) * scale, width * scale, height * scale),
-                area * scale**2,
-            )
-            for label, (left, top, width, height, area) in enumerate(stats[1:number].tolist(), 1)
-            if area >= least and _deep_m(part[(labels == label) & (part > 0.0)]) <= _DEEP_M
-        ]
+        things = []
+        for label, (left, top, width, height, area) in enumerate(stats[1:number].tolist(), 1):
+            mine = labels[top : top + height, left : left + width] == label
+            depths = part[top : top + height, left : left + width][mine]
+            if area < least or _deep_m(depths[depths > 0.0]) > _DEEP_M:
+                continue
+            foot = left + float(np.nonzero(mine[-max(1, round(_FOOT * height)) :])[1].mean())
+            box = ((left + columns.start) * scale, (top + rows.start) * scale, width * scale, height * scale)
+            things.append(Thing(box, area * scale**2, (foot + columns.start + 0.5) * scale))
+        return things
 
     def _window(self, shape: tuple[int, ...], foreseen: Foreseen) -> tuple[slice, slice]:
         """Rows and columns of the depth picture in which the target can be, and its like beside it."""
@@ -141,9 +149,9 @@ class Solid:
         larger = 0.5 * (math.log(thing.area / (expected[2] * expected[3])) + self._relation[3])
         return abs(taller) <= _TALLER and abs(larger) <= _LARGER
 
-    def _off_m(self, box: Box, foreseen: Foreseen) -> float:
-        """How far aside a box is of where the target is foreseen, m."""
-        off_px = box[0] + box[2] / 2 - foreseen.box[0] - foreseen.box[2] / 2
+    def _off_m(self, thing: Thing, foreseen: Foreseen) -> float:
+        """How far aside a thing stands of where the target is foreseen, m."""
+        off_px = thing.foot - foreseen.box[0] - foreseen.box[2] / 2
         return abs(off_px) * foreseen.distance_m / self._camera.fx_px
 
 

@@ -34,14 +34,14 @@ HALF = (160, 120)
 
 
 def _depth(*people: tuple[float, float, float], lean: float = 0.0) -> np.ndarray:
-    """Depth over a level floor of people 1.7 m tall and 0.5 m wide, each (ahead, right, wider by) m."""
+    """Depth over a level floor of people 1.7 m tall, 0.5 m wide: (ahead, right, wider by) m; the first leans."""
     columns, rows = np.meshgrid(np.arange(HALF[0]), np.arange(HALF[1]))
     u, v = (2 * columns + 0.5 - 159.5) / FOCUS_PX, (2 * rows + 0.5 - 119.5) / FOCUS_PX
     depth = np.where(v > 0.0, EYE_M / np.maximum(v, 1e-6), 0.0)
     depth[depth > 8.0] = 0.0
-    for ahead_m, right_m, wider_m in people:
+    for number, (ahead_m, right_m, wider_m) in enumerate(people):
         right, up = u * ahead_m - right_m, EYE_M - v * ahead_m
-        inside = (np.abs(right - lean * up) < 0.25 + wider_m / 2) & (up > 0.0) & (up < 1.7)
+        inside = (np.abs(right - lean * up * (number == 0)) < 0.25 + wider_m / 2) & (up > 0.0) & (up < 1.7)
         depth[inside & ((depth == 0.0) | (depth > ahead_m))] = ahead_m
     return depth
 
@@ -74,8 +74,9 @@ def test_the_box_is_the_part_of_the_thing_that_the_trackers_showed(ahead_m: floa
     assert found[1] + found[3] / 2 == pytest.approx(there[1] + there[3] / 2, abs=3.0)
 
 
-def test_who_leans_is_found_too() -> None:
-    found = _learned().find(POSE, _foreseen(4.0, _depth((4.0, 0.0, 0.0), lean=0.4)), 0.5)
+@pytest.mark.parametrize("others", [[], [(4.0, -0.8, 0.0)]])
+def test_who_leans_stands_where_he_stood_also_beside_somebody_else(others: list[tuple[float, float, float]]) -> None:
+    found = _learned().find(POSE, _foreseen(4.0, _depth((4.0, 0.0, 0.0), *others, lean=0.4)), 0.5)
     assert found is not None
     u, v = found[0] + found[2] / 2, found[1] + found[3] / 2
     assert math.hypot(u - 159.5 - 0.8 * 0.4 * FOCUS_PX / 4.0, v - 119.5 - 0.65 * FOCUS_PX / 4.0) < 12.0
