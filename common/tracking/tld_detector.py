@@ -69,17 +69,17 @@ class Detector:
             corners = np.stack(np.meshgrid(x, y), axis=2).reshape(-1, 2)
             windows.append(np.column_stack([corners, np.tile((width, height), (len(corners), 1))]))
             kinds.append(np.full(len(corners), kind))
-        return np.concatenate(windows).astype(np.int32), np.concatenate(kinds).astype(np.int32)
+        return np.concatenate(windows).astype(np.uint32), np.concatenate(kinds).astype(np.uint32)
 
     def _comparisons(self, sides: list[np.ndarray], config: TldConfig) -> np.ndarray:
-        """Offsets (sizes, ferns, bits, 2) int32 of the two pixels of each comparison, which lie along one axis."""
+        """Offsets (sizes, ferns, bits, 2) uint32 of the two pixels of each comparison, which lie along one axis."""
         rng, shape = self._rng, (config.ferns, config.bits)
         one = rng.uniform(0.0, 1.0, (*shape, 2))
         other, along = one.copy(), rng.integers(0, 2, shape)
         np.put_along_axis(other, along[..., None], rng.uniform(0.0, 1.0, (*shape, 1)), axis=2)
         places = np.stack([one, other], axis=2)
-        pixels = [np.floor(places * side).astype(np.int32) for side in sides]
-        return np.stack([p[..., 1] * np.int32(self._shape[1]) + p[..., 0] for p in pixels])
+        pixels = [np.floor(places * side).astype(np.uint32) for side in sides]
+        return np.stack([p[..., 1] * np.uint32(self._shape[1]) + p[..., 0] for p in pixels])
 
     def learn_first(self, grey: np.ndarray, box: Box) -> None:
         """Learn the target from one picture (H, W) uint8 and from distorted copies of it, and the rest as not it."""

@@ -57,11 +57,11 @@ def test_scan_gives_the_codes_and_posteriors_of_its_definition() -> None:
     rng = np.random.default_rng(3)
     grey = rng.integers(0, 255, (40, 50), np.uint8)
     grey[:20, :20] = 100  # plain
-    windows = np.array([[2, 3, 12, 10], [25, 21, 12, 10], [20, 15, 24, 20]], np.int32)
-    kinds = np.array([0, 0, 1], np.int32)
+    windows = np.array([[2, 3, 12, 10], [25, 21, 12, 10], [20, 15, 24, 20]], np.uint32)
+    kinds = np.array([0, 0, 1], np.uint32)
     places = rng.uniform(0.0, 1.0, (3, 4, 2, 2))
-    pixels = [np.floor(places * side).astype(np.int32) for side in ((12, 10), (24, 20))]
-    pairs = np.stack([p[..., 1] * 50 + p[..., 0] for p in pixels]).astype(np.int32)
+    pixels = [np.floor(places * side).astype(np.uint32) for side in ((12, 10), (24, 20))]
+    pairs = np.stack([p[..., 1] * 50 + p[..., 0] for p in pixels]).astype(np.uint32)
     posteriors = rng.uniform(0.0, 1.0, (3, 16)).astype(np.float32)
     sums, squares = cv2.integral2(grey, sdepth=cv2.CV_64F, sqdepth=cv2.CV_64F)
     codes, confidence = np.zeros((3, 3), np.int32), np.zeros(3, np.float32)
