@@ -51,7 +51,7 @@ class Window:
 
     def features(self, offsets: np.ndarray) -> np.ndarray:
         """Features (n, SIZE) float32 of boxes at offsets (n, 2) int (columns, rows), px of the window."""
-        corners = np.ascontiguousarray(offsets + np.array(self._reach), np.int64)
+        corners = np.ascontiguousarray(offsets + np.array(self._reach), np.uint32)
         features = np.empty((len(offsets), SIZE), np.float32)
         read_features(self._maps, corners, _CELLS, _CELL, _ORIENTATIONS, _TONE_WEIGHT, _LEAST_TONE, features)
         return features
