@@ -3,7 +3,7 @@
 He walks round a loop before the vehicle, faster and slower. All along it comes what trackers are known to fail at, in
 three rows that know nothing of each other: what he and the vehicle do (he turns about, bends over, hurries ahead or
 steps back; the operator turns the vehicle away from him), who passes (a screen or somebody in his uniform passes
-between; somebody in his uniform walks beside him), and what the picture suffers (the light changes; the camera shakes).
+between; somebody in his colours walks beside him), and what the picture suffers (the light changes; the camera shakes).
 So he may come out from behind the screen with his back turned, in another light. In a row one follows the other with
 hardly a pause, each kind once before any comes again. The order, the sides and the strengths are drawn.
 """
@@ -136,6 +136,7 @@ class Course:
         self.hall = Hall(HALF_M, seed)
         self._solid, paint = person(rng)
         self._twin, _ = person(rng, paint)
+        self._companion, _ = person(rng, paint, striped=True)
         self._screen = pillar(rng, 1.3, 2.2)
         self.events = events(rng, frames / RATE_HZ)
         self._walk = Walk(rng, self.events, frames)
@@ -168,7 +169,7 @@ class Course:
             course = float(self._walk.courses[index])
             across = course + event.side * math.pi / 2
             offset = aside * np.array([math.cos(across), math.sin(across), 0.0])
-            return Thing(self._twin, target.ned_p_m + offset, course)
+            return Thing(self._companion, target.ned_p_m + offset, course)
         # Either crosses the line of sight as it is; what is nearer hides the person for a while.
         towards = (eye - target.ned_p_m) * np.array([1.0, 1.0, 0.0])
         away = towards / max(float(np.linalg.norm(towards)), 1e-6)

@@ -88,7 +88,7 @@ class Solid:
             foreseen: where the target is expected, how far, and the depth picture.
             reach_m: how far aside of that it may be, m.
         """
-        if self._learned_s < _KNOWN_S:
+        if self._learned_s < _KNOWN_S or foreseen.outside:
             return None
         like = [thing for thing in self.things(pose, foreseen) if self._is_like(thing, foreseen.box)]
         if not like:

@@ -28,6 +28,9 @@ _MOSTLY = 0.5
 """Share of those from which a box is of one thing."""
 _NEARER_M = 0.5
 """How much nearer or farther than foreseen a target that is seen may be, m: less than what passes before it."""
+_ROOM, _AWAY_M = 0.8, 0.3
+"""How much the picture must show beside the place of a target that may have got so far since it was seen, target sizes
+and m, for one that is seen elsewhere to be it."""
 _GROWN = 0.15
 """How much larger or smaller than foreseen a target that is seen may look, logarithm."""
 
@@ -62,6 +65,13 @@ class Foreseen:
     """Where the depth camera shows a thing of its size at its place, px, whatever its look; None: it does not."""
 
     @property
+    def outside(self) -> bool:
+        """Whether the picture does not show where he can be: who is seen then may be his like, and he beside it."""
+        u, size = self.box[0] + self.box[2] / 2, math.sqrt(self.box[2] * self.box[3])
+        room = _ROOM * size if self.reach_m > _AWAY_M else 0.0
+        return self.shape[1] > 0 and not room <= u < self.shape[1] - room
+
+    @property
     def before_m(self) -> float:
         """How far away what covers the target is, in this picture or since it was seen last, m; NaN: nothing does."""
         core = None if self.depth_m is None else core_of(self.depth_m, self.box, self.shape)
@@ -76,7 +86,10 @@ class Foreseen:
         """Trackers in whose box everything is nearer or farther than the target can be, or is what stands before it.
 
         Where the camera measures nothing, what is there is beyond its range, or as dark as the target may be, too.
+        While the picture does not show where the target can be, those that are not at its place.
         """
+        if self.outside:
+            return frozenset(name for name, box in boxes.items() if not as_foreseen(box, self.box))
         if self.depth_m is None or not math.isfinite(self.distance_m):
             return frozenset()
         before_m = self.before_m

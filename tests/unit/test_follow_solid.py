@@ -95,6 +95,8 @@ def test_nothing_is_said_before_anything_is_known_nor_where_it_is_not_clear() ->
     for nobody in (_depth(), _depth((3.0, 0.0, 0.0)), _depth((5.2, 0.0, 0.0)), np.zeros((120, 160))):
         assert solid.find(POSE, replace(foreseen, depth_m=nobody), 0.5) is None
     assert solid.find(POSE, replace(foreseen, depth_m=_depth((4.0, 0.0, 1.0))), 0.5) is None, "a wall, or two"
+    beyond: Box = (-25.0, *foreseen.box[1:])
+    assert solid.find(POSE, replace(foreseen, box=beyond), 5.0) is None, "the picture does not show his place"
     assert solid.find(POSE, replace(foreseen, covered_m=4.0), 0.5) is None, "that is what has covered him"
     assert solid.find(POSE, replace(foreseen, depth_m=None), 0.5) is None
 

@@ -52,6 +52,18 @@ def test_what_stands_before_the_target_is_not_the_target_however_long_it_stands_
     assert foreseen.excluded({"on it": _aside(10.0), "elsewhere": _aside(100.0)}) == {"on it"}
 
 
+def test_while_the_picture_does_not_show_his_place_who_is_elsewhere_is_not_heard_whatever_is_measured() -> None:
+    at_the_edge, inwards = (-8.0, *HIS[1:]), (60.0, *HIS[1:])
+    foreseen = Foreseen((-20.0, *HIS[1:]), 4.0, 1.5, None, SHAPE)
+    boxes = {"his": at_the_edge, "hers": inwards}
+    assert foreseen.excluded(boxes) == {"hers"}
+    assert foreseen.excluded({"hers": inwards}) == {"hers"}
+    entering = replace(foreseen, box=at_the_edge)
+    assert entering.excluded(boxes) == {"hers"}, "he may be a little outside yet"
+    assert not replace(entering, reach_m=0.1).excluded(boxes), "he was seen just now"
+    assert not replace(foreseen, box=(30.0, *HIS[1:])).excluded(boxes), "by now he would be seen there"
+
+
 def test_what_covered_the_target_is_not_he_either_once_it_has_passed_and_he_may_be_as_near() -> None:
     screen = (155.0, 20.0, 90.0, 190.0)
     depth = _depth((screen, 3.0), (HIS, 4.0))
