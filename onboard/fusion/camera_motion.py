@@ -11,6 +11,7 @@ still: a target moves evenly there.
 from __future__ import annotations
 
 from collections import OrderedDict
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -48,11 +49,39 @@ def tell(tracker: Tracker, expected: Expectation) -> None:
         tracker.expect(expected)
 
 
+class _Small:
+    """A small picture, and what is needed of it twice: to compare it with the one before, and with the next one.
+
+    Args:
+        picture: (H, W) float32.
+    """
+
+    def __init__(self, picture: np.ndarray):
+        self.picture = picture
+
+    @cached_property
+    def contrast(self) -> float:
+        """Standard deviation, grey levels."""
+        return float(self.picture.std())
+
+    @cached_property
+    def flat(self) -> np.ndarray:
+        """A coarse copy without the brightness of its surroundings, (h, w) float32."""
+        rows, columns = self.picture.shape
+        small = cv2.resize(self.picture, (columns // _COARSE, rows // _COARSE), interpolation=cv2.INTER_AREA)
+        return small - cv2.GaussianBlur(small, (0, 0), _FLAT_PX)
+
+    @cached_property
+    def energy(self) -> np.ndarray:
+        """Sum of squares (rows, columns) of what of that copy each shift within reach leaves in its own frame."""
+        return _energy(self.flat, *_shifts(self.flat))
+
+
 class CameraMotion:
     """Sum of the shifts from picture to picture."""
 
     def __init__(self) -> None:
-        self._before: np.ndarray | None = None
+        self._before: _Small | None = None
         self._shifts: OrderedDict[int, np.ndarray] = OrderedDict()
 
     @property
@@ -70,11 +99,11 @@ class CameraMotion:
         """
         shrink = max(1, max(grey.shape) // _SIDE_PX)
         size = (grey.shape[1] // shrink, grey.shape[0] // shrink)
-        small = cv2.resize(grey, size, interpolation=cv2.INTER_AREA).astype(np.float32)
+        small = _Small(cv2.resize(grey, size, interpolation=cv2.INTER_AREA).astype(np.float32))
         place = self.last
         if moved_px is not None:
             place = place + np.array(moved_px)
-        elif self._before is not None and self._before.shape == small.shape:
+        elif self._before is not None and self._before.picture.shape == small.picture.shape:
             shift, alike = _shift(self._before, small)
             if alike >= _ALIKE:
                 place = place + shift * shrink
@@ -93,13 +122,13 @@ class CameraMotion:
         return earlier[-1] if earlier else next(iter(self._shifts.values()), np.zeros(2))
 
 
-def _shift(before: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, float]:
-    """How far (2,), px, the second of two pictures (H, W) float32 has moved, and their correlation under that shift."""
-    if min(float(before.std()), float(after.std())) < _LEAST_CONTRAST:
+def _shift(before: _Small, after: _Small) -> tuple[np.ndarray, float]:
+    """How far (2,), px, the second of two pictures has moved, and their correlation under that shift."""
+    if min(before.contrast, after.contrast) < _LEAST_CONTRAST:
         return np.zeros(2), 0.0
     (right, down), shift, alike = _coarse_shift(before, after), np.zeros(2), 0.0
     for _ in range(_STEPS):
-        near = _alike(before, after, right, down)
+        near = _alike(before.picture, after.picture, right, down)
         if near is None:
             break
         row, column = (int(i) for i in np.unravel_index(near.argmax(), near.shape))
@@ -118,28 +147,26 @@ def _summit(before: float, middle: float, after: float) -> float:
     return 0.0 if bend <= 0.0 else min(0.5, max(-0.5, (after - before) / (2 * bend)))
 
 
-def _coarse_shift(before: np.ndarray, after: np.ndarray) -> tuple[int, int]:
+def _coarse_shift(before: _Small, after: _Small) -> tuple[int, int]:
     """The shift, px, right and down, of the most significant correlation of coarse copies, among all within reach.
 
     Where little is shared, a high correlation is chance: it counts by the root of how many pixels are.
     """
-    one, other = _flat(before), _flat(after)
-    rows, columns = one.shape
-    far_down, far_right = round(_REACH * rows), round(_REACH * columns)
-    around = cv2.copyMakeBorder(other, far_down, far_down, far_right, far_right, cv2.BORDER_CONSTANT, value=(0.0,))
-    shared = cv2.matchTemplate(around, one, cv2.TM_CCORR)
-    right, down = np.arange(-far_right, far_right + 1), np.arange(-far_down, far_down + 1)
-    energies = _energy(other, right, down) * _energy(one, -right, -down)
+    rows, columns = before.flat.shape
+    right, down = _shifts(before.flat)
+    far_right, far_down = int(right[-1]), int(down[-1])
+    around = cv2.copyMakeBorder(after.flat, far_down, far_down, far_right, far_right, cv2.BORDER_CONSTANT, value=(0.0,))
+    shared = cv2.matchTemplate(around, before.flat, cv2.TM_CCORR)
+    energies = after.energy * before.energy[::-1, ::-1]  # what stays of the first one is shifted the other way
     pixels = (rows - np.abs(down))[:, None] * (columns - np.abs(right))
     row, column = np.unravel_index((shared * np.sqrt(pixels / (energies + 1e-3))).argmax(), shared.shape)
     return _COARSE * int(right[column]), _COARSE * int(down[row])
 
 
-def _flat(picture: np.ndarray) -> np.ndarray:
-    """A coarse copy without the brightness of its surroundings."""
-    rows, columns = picture.shape
-    small = cv2.resize(picture, (columns // _COARSE, rows // _COARSE), interpolation=cv2.INTER_AREA)
-    return small - cv2.GaussianBlur(small, (0, 0), _FLAT_PX)
+def _shifts(flat: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """All shifts within reach of a coarse copy (h, w), px: right (columns,) and down (rows,), from the least on."""
+    far_down, far_right = (round(_REACH * side) for side in flat.shape)
+    return np.arange(-far_right, far_right + 1), np.arange(-far_down, far_down + 1)
 
 
 def _energy(picture: np.ndarray, right: np.ndarray, down: np.ndarray) -> np.ndarray:
