@@ -9,11 +9,10 @@ import numpy as np
 
 from common.config import Fraction, Positive, Section
 from onboard.fusion.motion import MotionFilter
-from onboard.fusion.weights import combine
+from onboard.fusion.weights import combine, outlier_weight
 
 _NOT_MEASURED = 1e9
 """Variance of a depth that nothing measured, m²."""
-_LARGEST_EXPONENT = 700.0
 
 
 class DepthConfig(Section, frozen=True, kw_only=True):
@@ -78,8 +77,8 @@ def tof_distance(depth_m: np.ndarray) -> tuple[float, float]:
 
 
 def unreliability(empty_share: float, eta: float, zeta: float) -> float:
-    """R_ζ of eq. 3.12 for a share r₀ of pixels without depth: from 0 (trust it) to 1; one half at r₀ = ζ/η."""
-    return 1.0 - 1.0 / (1.0 + math.exp(min(_LARGEST_EXPONENT, eta * empty_share - zeta)))
+    """R_ζ of eq. 3.12 for a share r₀ of pixels without depth: from 0 (trust it) to 1; the sigmoid of eq. 4.4."""
+    return outlier_weight(empty_share, eta, zeta)
 
 
 def size_ratio(size_px: tuple[float, float], image_px: tuple[float, float]) -> float:

@@ -6,18 +6,13 @@ from collections.abc import Mapping
 
 from common.evaluation import jaccard
 from common.tracking.base import Box
-from onboard.fusion.prior import as_foreseen
+from onboard.fusion.prior import CLEARLY, FAR_MORE, SURELY, TOGETHER, as_foreseen
 
 _DOUBTFUL = 0.45
-"""Relative similarity below which a tracker's box is doubted if another's is clearly more similar."""
-CLEARLY, _FAR_MORE = 0.1, 0.25
-"""By how much more alike another must be for that, and, over films, of one that is at the answer: so twins may be."""
+"""Relative similarity below which a tracker's box is doubted if another's is clearly more similar; over films, of one
+that is at the answer, by far more: so much twins may be."""
 _UNLIKE, ALONE_UNLIKE = 0.3, 0.5
 """Relative similarity below which it is doubted in any case, and when the other trackers say that they are lost."""
-SURELY = 0.7
-"""Relative similarity from which a box is the target, though one tracker alone has it."""
-_SAME = 0.5
-"""Overlap above which two boxes are the same."""
 
 
 def doubted(
@@ -48,9 +43,9 @@ def doubted(
     if len(boxes) == 1 and last is not None:
         (box,) = boxes.values()
         if foreseen is None or not as_foreseen(box, foreseen):
-            least = there if jaccard(box, last) > _SAME else max(there, ALONE_UNLIKE)
-    there_too = {n for n, box in boxes.items() if last is not None and jaccard(box, last) > _SAME}
-    margin = {n: _FAR_MORE if n in there_too and foreseen is None else CLEARLY for n in boxes}
+            least = there if jaccard(box, last) > TOGETHER else max(there, ALONE_UNLIKE)
+    there_too = {n for n, box in boxes.items() if last is not None and jaccard(box, last) > TOGETHER}
+    margin = {n: FAR_MORE if n in there_too and foreseen is None else CLEARLY for n in boxes}
     unlike = {n for n, s in similar.items() if s < least or (s < _DOUBTFUL and s < best - margin[n])}
     unlike -= followed & there_too
     return frozenset(name for name in unlike if not set(same_as(name, boxes)) - unlike)
@@ -61,7 +56,7 @@ def found_alone(similar: Mapping[str, float], boxes: Mapping[str, Box], last: Bo
     if len(boxes) != 1 or last is None:
         return ()
     (name,) = boxes
-    elsewhere = jaccard(boxes[name], last) < _SAME
+    elsewhere = jaccard(boxes[name], last) < TOGETHER
     return (name,) if elsewhere and similar[name] >= SURELY else ()
 
 
@@ -74,4 +69,4 @@ def same_as(name: str, boxes: Mapping[str, Box]) -> list[str]:
     """The other trackers whose box overlaps that of this one by half; none where it has no box."""
     if name not in boxes:
         return []
-    return [n for n, box in boxes.items() if n != name and jaccard(box, boxes[name]) > _SAME]
+    return [n for n, box in boxes.items() if n != name and jaccard(box, boxes[name]) > TOGETHER]

@@ -20,20 +20,18 @@ _THERE = 0.4
 """Overlap with the answer above which a tracker is where the target was expected."""
 _APART = 0.2
 """Overlap with the answer below which it is at another thing."""
-_SURELY = 0.7
-"""Mean likeness above which those who agree surely are at the target."""
-_FAR_MORE = 0.25
-"""By how much more alike one elsewhere must be to outshine who is at the answer."""
-_TOGETHER = 0.5
-"""Overlap of trackers that agree."""
+SURELY = 0.7
+"""Likeness from which a box is the target: one tracker's that is alone with it, or the mean of those who agree."""
+CLEARLY, FAR_MORE = 0.1, 0.25
+"""By how much more alike another must be to be heard beside who is at the answer, and to outshine all there."""
+TOGETHER = 0.5
+"""Overlap above which two boxes are the same: their trackers agree."""
 _FORESEEN, _FORESEEN_GROWN = 0.7, 0.35
 """How far from where its motion over ground leads one to expect it the target is, target sizes, and its size,
 logarithm: somebody beside it is further."""
 LIKE, LIKE_BESIDE_TWINS = 0.5, 0.4
 """Least likeness of one that is where the target was expected for the others to be doubted: beside things that look the
 same it is one half at best."""
-_CLEARLY = 0.1
-"""By how much more alike another must be to be heard beside it."""
 
 
 def out_of_reach(boxes: Mapping[str, Box], last: Box, since_s: float) -> frozenset[str]:
@@ -78,7 +76,7 @@ def elsewhere(similar: Mapping[str, float], boxes: Mapping[str, Box], last: Box,
     best = max((similar[name] for name, box in boxes.items() if jaccard(box, last) > _THERE), default=0.0)
     if best < least:
         return frozenset()
-    return frozenset(n for n, box in boxes.items() if jaccard(box, last) < _APART and similar[n] < best + _CLEARLY)
+    return frozenset(n for n, box in boxes.items() if jaccard(box, last) < _APART and similar[n] < best + CLEARLY)
 
 
 def gone(similar: Mapping[str, float], boxes: Mapping[str, Box], kept: Box, likeness: float) -> frozenset[str]:
@@ -93,7 +91,7 @@ def gone(similar: Mapping[str, float], boxes: Mapping[str, Box], kept: Box, like
     away = frozenset(n for n, box in boxes.items() if jaccard(box, kept) < _APART)
     if away != boxes.keys() or likeness < LIKE_BESIDE_TWINS:
         return frozenset()
-    return frozenset() if any(similar[n] > likeness + _CLEARLY for n in away) else away
+    return frozenset() if any(similar[n] > likeness + CLEARLY for n in away) else away
 
 
 def rivals(similar: Mapping[str, float], boxes: Mapping[str, Box], last: Box) -> frozenset[str]:
@@ -109,15 +107,15 @@ def rivals(similar: Mapping[str, float], boxes: Mapping[str, Box], last: Box) ->
     """
     there = [name for name, box in boxes.items() if jaccard(box, last) > _THERE]
     away = {name: box for name, box in boxes.items() if jaccard(box, last) < _APART and similar[name] >= LIKE}
-    together = [frozenset(n for n in away if jaccard(away[n], box) > _TOGETHER) for box in away.values()]
+    together = [frozenset(n for n in away if jaccard(away[n], box) > TOGETHER) for box in away.values()]
     group = max(together, key=lambda names: (len(names), sum(similar[n] for n in names)), default=frozenset())
     if len(group) < 2:
         return frozenset()
     mean = sum(similar[n] for n in group) / len(group)
     if not there:
-        return group if mean > _SURELY else frozenset()
+        return group if mean > SURELY else frozenset()
     lead = mean - sum(similar[n] for n in there) / len(there)
-    return group if lead > (_CLEARLY if len(group) <= len(there) else -_CLEARLY) else frozenset()
+    return group if lead > (CLEARLY if len(group) <= len(there) else -CLEARLY) else frozenset()
 
 
 def outshining(similar: Mapping[str, float], boxes: Mapping[str, Box], last: Box) -> frozenset[str]:
@@ -133,6 +131,6 @@ def outshining(similar: Mapping[str, float], boxes: Mapping[str, Box], last: Box
     there = max((similar[name] for name, box in boxes.items() if jaccard(box, last) > _THERE), default=1.0)
     away = {name: similar[name] for name, box in boxes.items() if jaccard(box, last) < _APART}
     best = max(away, key=lambda name: away[name], default="")
-    if away.get(best, 0.0) < max(_SURELY, there + _FAR_MORE):
+    if away.get(best, 0.0) < max(SURELY, there + FAR_MORE):
         return frozenset()
-    return frozenset(name for name in away if jaccard(boxes[name], boxes[best]) > _TOGETHER)
+    return frozenset(name for name in away if jaccard(boxes[name], boxes[best]) > TOGETHER)

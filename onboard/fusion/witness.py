@@ -16,9 +16,19 @@ import numpy as np
 from common.evaluation import jaccard
 from common.tracking.base import Box
 from onboard.fusion.center import Fused
-from onboard.fusion.doubt import ALONE_UNLIKE, CLEARLY, SURELY, doubted, found_alone, same_as
+from onboard.fusion.doubt import ALONE_UNLIKE, doubted, found_alone, same_as
 from onboard.fusion.look import Look
-from onboard.fusion.prior import LIKE_BESIDE_TWINS, as_foreseen, elsewhere, gone, out_of_reach, outshining, rivals
+from onboard.fusion.prior import (
+    CLEARLY,
+    LIKE_BESIDE_TWINS,
+    SURELY,
+    as_foreseen,
+    elsewhere,
+    gone,
+    out_of_reach,
+    outshining,
+    rivals,
+)
 from onboard.fusion.riding import Stretch
 
 _ALONE_THERE_UNLIKE = 0.4
