@@ -7,6 +7,7 @@ import numpy as np
 
 from common.tracking.base import Box
 from onboard.fusion.center import Fused, FusionState
+from onboard.fusion.doubt import doubted
 from onboard.fusion.pictures import may_move, whole
 from onboard.fusion.riding import Stretch
 from onboard.fusion.source import Judgement
@@ -239,6 +240,13 @@ def test_where_all_go_over_to_a_thing_that_looks_the_same_the_target_is_kept_whe
         "one has stayed"
     )
     assert Witness(GREY, BOX, 0).judge(twins, gone, True, moving, 50_000_000, BOX).kept is None, "somebody foresees it"
+
+
+def test_one_at_the_answer_is_doubted_for_one_elsewhere_only_if_that_looks_far_more_like_the_target() -> None:
+    boxes: dict[str, Box] = {"here": BOX, "twin": ELSEWHERE}
+    assert not doubted({"here": 0.42, "twin": 0.6}, boxes, BOX, 0.4, None)
+    assert doubted({"here": 0.42, "twin": 0.7}, boxes, BOX, 0.4, None) == {"here"}
+    assert doubted({"here": 0.42, "twin": 0.6}, boxes, ELSEWHERE, 0.4, None) == {"here"}, "it is not at the answer"
 
 
 def test_lenience_with_a_blurred_picture_is_for_what_is_where_the_target_was_expected() -> None:
