@@ -56,7 +56,7 @@ def _after(flight: Flight, seconds: float, t_ns: int) -> int:
 
 
 def _gate_closed(call: Call, flight: Flight, seen: Seen, t_ns: int) -> bool:
-    text = refusal(gate(seen.telemetry, flight.parameters, seen.camera, flight.config, t_ns))
+    text = refusal(gate(seen.telemetry, flight.parameters.values, seen.camera, flight.config, t_ns))
     if text:
         _refuse(call, f"preflight gate closed: {text}")
     return bool(text)
@@ -91,7 +91,7 @@ def _takeoff(call: Call, flight: Flight, seen: Seen, t_ns: int) -> None:
     elif not _gate_closed(call, flight, seen, t_ns):
         flight.orders.wait("takeoff", call, _after(flight, _TAKEOFF_S, t_ns))
         flight.fire(Event.TAKEOFF, f"taking off to {height_m:g} m", seen.telemetry, t_ns)
-        wanted = flight.wanted(seen.telemetry) | seen.telemetry.dialect.takeoff_parameters(height_m)
+        wanted = flight.parameters.wanted(seen.telemetry.dialect) | seen.telemetry.dialect.takeoff_parameters(height_m)
         flight.takeoff = Takeoff(height_m, wanted, seen.telemetry, t_ns)
 
 

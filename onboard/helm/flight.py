@@ -13,6 +13,7 @@ from onboard.helm.config import HelmConfig
 from onboard.helm.dialect.base import Role
 from onboard.helm.machine import Engagement, Machine, presence
 from onboard.helm.orders import Orders
+from onboard.helm.parameters import Parameters
 from onboard.helm.pilot import Flown, Pilot, homing
 from onboard.helm.seen import Seen
 from onboard.helm.states import Event, State, accepts, in_control
@@ -26,7 +27,6 @@ _REPEAT_S = 0.09  # a repeat must not come just before the next request of a 20 
 _PERIOD_MIN_S = 0.018
 _LAND_WITHIN_S = 4.0
 _TAKEOFF_NEAR_M = 1.0
-_PARAMETERS_AGAIN_S = 5.0
 _STICK_DEADBAND = 1e-3
 _STICK_STATES = accepts(Event.STICK)
 
@@ -45,8 +45,7 @@ class Flight:
         self.orders = Orders()
         self.pilot = Pilot(config, limiter)
         self.takeoff: Takeoff | None = None
-        self.parameters: dict[str, float] = {}
-        """Autopilot parameters as last read back."""
+        self.parameters = Parameters(config)
         self.verdict: Verdict = HOVER
         """The arbiter's newest decision."""
         self._engagement: Engagement | None = None
@@ -54,7 +53,6 @@ class Flight:
         self._last_sent_ns = 0
         self._last_basis_ns = 0
         self._tasks = TaskWatch(config)
-        self._parameters_ns = 0
 
     @property
     def state(self) -> State:
@@ -75,10 +73,6 @@ class Flight:
         if self.state is State.LANDING:
             return Role.CONTROL in telemetry.roles
         return self.state is State.ENGAGING or in_control(self.state)
-
-    def wanted(self, telemetry: Telemetry) -> dict[str, float | int]:
-        """Parameters that this autopilot must have."""
-        return dict(self.config.parameters_of(telemetry.dialect))
 
     def step(self, seen: Seen, t_ns: int) -> Flown | None:
         """One control cycle; the setpoint to send, or None when none is due or none may go out."""
@@ -140,16 +134,12 @@ class Flight:
                 self.orders.settle("landing", "done", reason)
             self.orders.fail_all(reason, keep=("arm", "disarm"))
         if state is State.STANDBY or before is State.DISCONNECTED:
-            self._read_parameters(telemetry, write=state is State.STANDBY, t_ns=t_ns)
-
-    def _read_parameters(self, telemetry: Telemetry, write: bool, t_ns: int) -> None:
-        self._parameters_ns = t_ns
-        self.do(Action(Kind.PARAMETERS, self.wanted(telemetry), write=write))
+            self.do(self.parameters.read(telemetry.dialect, t_ns, write=state is State.STANDBY))
 
     def _hear(self, seen: Seen, t_ns: int) -> None:
         for result in seen.results:
             if result.action.kind is Kind.PARAMETERS:
-                self.parameters.update(result.values)
+                self.parameters.values.update(result.values)
             elif result.action.kind is Kind.CONTROL and result.ok and self._engagement is not None:
                 self._engagement.accepted(t_ns)
             if result.ok:
@@ -218,16 +208,8 @@ class Flight:
             elif Role.CONTROL in telemetry.roles and self.machine.in_state_s(t_ns) > _LAND_WITHIN_S:
                 self.orders.settle("landing", "failed", "the autopilot did not enter LAND")
                 self.fire(Event.LAND_FAILED, "the autopilot did not enter LAND; hovering", telemetry, t_ns)
-        if (
-            self.state is State.STANDBY
-            and (t_ns - self._parameters_ns) / 1e9 > _PARAMETERS_AGAIN_S
-            and any(
-                not math.isclose(self.parameters.get(k, math.nan), v, rel_tol=1e-4, abs_tol=1e-4)
-                for k, v in self.wanted(telemetry).items()
-                if k != telemetry.dialect.takeoff_parameter
-            )
-        ):
-            self._read_parameters(telemetry, write=True, t_ns=t_ns)
+        if self.state is State.STANDBY and self.parameters.due(telemetry.dialect, t_ns):
+            self.do(self.parameters.read(telemetry.dialect, t_ns, write=True))
 
     def _take_off(self, takeoff: Takeoff, seen: Seen, t_ns: int) -> None:
         retries = takeoff.retries

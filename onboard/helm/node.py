@@ -180,7 +180,7 @@ class HelmNode(Node):
             limiter_zone=limited.zone,
             limiter_distance_m=limited.distance_m,
             request_age_ms=self.flight.verdict.age_ms,
-            preflight=gate(telemetry, self.flight.parameters, seen.camera, self.helm, t_ns),
+            preflight=gate(telemetry, self.flight.parameters.values, seen.camera, self.helm, t_ns),
             counters=dict(machine.counters),
         )
         return (Output("helm/status", status),)
