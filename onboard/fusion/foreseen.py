@@ -28,6 +28,8 @@ _MOSTLY = 0.5
 """Share of those from which a box is of one thing."""
 _NEARER_M = 0.5
 """How much nearer or farther than foreseen a target that is seen may be, m: less than what passes before it."""
+_OF_HIS_SIZE = 0.3
+"""By how much a box may differ from the target's size in metres to be of it wherever it is, logarithm."""
 _ROOM, _AWAY_M = 0.8, 0.3
 """How much the picture must show beside the place of a target that may have got so far since it was seen, target sizes
 and m, for one that is seen elsewhere to be it."""
@@ -94,6 +96,25 @@ class Foreseen:
             return frozenset()
         before_m = self.before_m
         return frozenset(name for name, box in boxes.items() if self._at_another(self.depth_m, box, before_m))
+
+    def of_his_size(self, boxes: Mapping[str, Box]) -> frozenset[str]:
+        """Trackers whose box is as large as the target, at the distance that is measured there, and not what covers it.
+
+        Where that is another distance than foreseen, one of the two is wrong.
+        """
+        if self.depth_m is None or not self.distance_m > 0.0 or self.outside:
+            return frozenset()
+        before_m, names = self.before_m, set()
+        for name, box in boxes.items():
+            core = core_of(self.depth_m, box, self.shape)
+            known = np.zeros(0) if core is None else core[core > 0.0]
+            if core is None or len(known) < _KNOWN * core.size or np.mean(self._of_cover(known, before_m)) > _MOSTLY:
+                continue
+            nearer = math.log(float(np.median(known)) / self.distance_m)
+            larger = 0.5 * math.log(box[2] * box[3] / (self.box[2] * self.box[3]))
+            if abs(nearer + larger) < _OF_HIS_SIZE:
+                names.add(name)
+        return frozenset(names)
 
     def confirmed(self, boxes: Mapping[str, Box]) -> frozenset[str]:
         """Trackers whose box is where, as large and as far as the target is foreseen; none where it is not measured."""

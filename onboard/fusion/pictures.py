@@ -37,6 +37,8 @@ _HEARD = 0.5
 _SOLID_ALONE_S, _SOLID = 3.0, 0.6
 """How long the depth camera's thing is heard by itself, s: then it may be anything that stands there. And its
 confidence: of several things it may be the wrong one."""
+_DISPUTED_S = 0.3
+"""How long two trackers or more must have agreed where the target is not foreseen for them to be heard, s."""
 _ASTRAY_S = 0.3
 """How long a tracker must have been where, or as large as, the target cannot be for it to be put on the answer, s."""
 
@@ -68,6 +70,7 @@ class PictureFusion:
         self._whole: Box | None = None
         """What is no part of the surroundings, and can be the target, in the newest picture, px."""
         self._astray: dict[str, int] = {}
+        self._disputed_ns = t_ns
         self._fusion = Fusion([*(source_of(name) for name in names), SILHOUETTE], config)
         self._seen_ns = t_ns
         self._several = len(set(names)) > 1
@@ -211,8 +214,10 @@ class PictureFusion:
         """Trackers that are at something else, by its distance; notes since when, and who has another size."""
         if self._foreseen is None:
             self._astray.clear()
+            self._disputed_ns = self._t_ns
             return frozenset()
         excluded = self._foreseen.excluded(boxes)
+        excluded -= self._majority(boxes, excluded)
         if self._whole is not None:
             excluded |= {name for name, box in boxes.items() if jaccard(box, self._whole) < _ON_IT}
         for name, box in boxes.items():
@@ -221,6 +226,17 @@ class PictureFusion:
             else:
                 self._astray.pop(name, None)
         return excluded
+
+    def _majority(self, boxes: Mapping[str, Box], excluded: frozenset[str]) -> frozenset[str]:
+        """Trackers at another distance than foreseen that have agreed for long, against no more than one that is not.
+
+        What is foreseen rests on who was heard; where that one went astray, so did it.
+        """
+        away = self._foreseen.of_his_size({n: boxes[n] for n in excluded}) if self._foreseen is not None else ()
+        group = together({n: boxes[n] for n in away})
+        if len(group) < 2 or len(boxes) - len(excluded) > 1:
+            self._disputed_ns = self._t_ns
+        return group if self._t_ns - self._disputed_ns >= _DISPUTED_S * 1e9 else frozenset()
 
     def _confirmed(self, boxes: Mapping[str, Box]) -> frozenset[str]:
         """Trackers that agree with another, or with what stands there, where the depth camera has the target."""

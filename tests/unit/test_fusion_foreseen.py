@@ -89,6 +89,18 @@ def test_a_box_is_confirmed_where_it_is_as_large_and_as_far_as_the_target_is_for
         assert not unknown.confirmed(boxes)
 
 
+def test_a_box_is_of_the_targets_size_wherever_it_is_if_the_measured_distance_says_so() -> None:
+    x, y, width, height = HIS
+    farther: Box = (x + 60.0, y, 0.7 * width, 0.7 * height)
+    depth = _depth((HIS, 4.0), (farther, 5.7), (_aside(-60.0), 5.7))
+    foreseen = Foreseen(HIS, 4.0, 0.0, depth, SHAPE)
+    boxes = {"his": HIS, "his farther": farther, "as large, but farther": _aside(-60.0), "nowhere": _aside(120.0)}
+    assert foreseen.of_his_size(boxes) == {"his", "his farther"}
+    assert foreseen.of_his_size({"his farther": farther}) and foreseen.excluded(boxes) >= {"his farther"}
+    assert replace(foreseen, covered_m=5.7).of_his_size(boxes) == {"his"}, "that is what has covered him"
+    assert not replace(foreseen, depth_m=None).of_his_size(boxes)
+
+
 def test_a_box_counts_by_what_fills_its_middle_and_not_by_what_shows_beside_the_target() -> None:
     depth = np.full((120, 160), 6.0)
     depth[30:80, 72:83] = 4.0

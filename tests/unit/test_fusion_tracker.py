@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 
@@ -105,6 +106,29 @@ def test_a_member_where_the_target_cannot_be_is_not_heard_and_is_put_back_though
         tracker.foresee(Foreseen(BOX, 4.0, 0.0, depth, FRAME.shape[:2]))
         result = tracker.update(FRAME, k * 40_000_000)
     assert result.size_px[0] < 1.2 * BOX[2], "twice as large he cannot be, whoever says so"
+
+
+def test_trackers_that_agree_at_another_distance_for_long_against_one_are_heard() -> None:
+    there: Box = (142.0, 85.0, 30.0, 22.0)
+    moved = FRAME.copy()
+    moved[80:110, 100:140] = FRAME[200:230, 0:40]
+    moved[85:107, 142:172] = cv2.resize(FRAME[80:110, 100:140], (30, 22), interpolation=cv2.INTER_AREA)
+    depth = np.full((120, 160), 4.0)
+    depth[:, 66:] = 5.4
+    foreseen = Foreseen(BOX, 4.0, 0.0, depth, FRAME.shape[:2])
+    heard = {}
+    for number in (1, 2):
+        members = [Scripted() for _ in range(3)]
+        tracker = fused(*members)
+        _run(tracker, 1, 10)
+        for member in members[:number]:
+            member.box = there
+        members[2].state = "lost"
+        for k in range(10, 60):
+            tracker.foresee(foreseen)
+            heard[number, k] = tracker.update(moved, k * 40_000_000).overlap(there) > 0.5
+    assert all(heard[2, k] == (k >= 18) for k in (*range(10, 16), *range(24, 60)))
+    assert not any(heard[1, k] for k in range(10, 60)), "one by itself may be on anything"
 
 
 def test_what_stands_at_the_targets_place_is_followed_for_a_while_by_itself_and_overrules_one_that_sees_another() -> (
