@@ -13,15 +13,14 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from common.evaluation import jaccard
 from common.tracking.base import Box, Expectation, TrackResult, upright_box
 from onboard.fusion.camera_motion import CameraMotion, expectation
 from onboard.fusion.center import Fused, Fusion
 from onboard.fusion.characters import source_of
 from onboard.fusion.config import FusionConfig
-from onboard.fusion.doubt import together
 from onboard.fusion.foreseen import Foreseen
 from onboard.fusion.members import Answer
+from onboard.fusion.place import PlaceCheck
 from onboard.fusion.riding import Riding
 from onboard.fusion.silhouette import SILHOUETTE
 from onboard.fusion.source import Measurement
@@ -30,17 +29,8 @@ from onboard.fusion.witness import Verdict, Witness, agreed
 _LEAST_SIDE_PX = 6.0
 _DOUBTED = 0.25
 """Confidence of one that is doubted, at most: below its threshold, however sure of itself it is."""
-_ON_IT, _IT = 0.4, 0.6
-"""Least overlap with the one thing that is no part of the surroundings of who is heard beside it, and who is right."""
 _HEARD = 0.5
 """Least reliability of a tracker that sees the target."""
-_SOLID_ALONE_S, _SOLID = 3.0, 0.6
-"""How long the depth camera's thing is heard by itself, s: then it may be anything that stands there. And its
-confidence: of several things it may be the wrong one."""
-_DISPUTED_S = 0.3
-"""How long two trackers or more must have agreed where the target is not foreseen for them to be heard, s."""
-_ASTRAY_S = 0.3
-"""How long a tracker must have been where, or as large as, the target cannot be for it to be put on the answer, s."""
 
 
 class PictureFusion:
@@ -66,13 +56,8 @@ class PictureFusion:
         self.kept: Box | None = None
         """Where the target still is in the newest picture, px, though all that see it have left it; None: unknown."""
         self._t_ns = t_ns
-        self._foreseen: Foreseen | None = None
-        self._whole: Box | None = None
-        """What is no part of the surroundings, and can be the target, in the newest picture, px."""
-        self._astray: dict[str, int] = {}
-        self._disputed_ns = t_ns
+        self._place = PlaceCheck(t_ns)
         self._fusion = Fusion([*(source_of(name) for name in names), SILHOUETTE], config)
-        self._seen_ns = t_ns
         self._several = len(set(names)) > 1
         self._witness = Witness(self.grey, box, t_ns, len(set(names)))
         self._riding = Riding()
@@ -96,13 +81,12 @@ class PictureFusion:
         box, fused = self.box, self.fused
         if box is None or fused is None:
             return False
-        on_it = self._whole is not None and jaccard(box, self._whole) > _IT
-        return on_it or self._witness.vouches(self.grey, box, fused)
+        return self._place.is_it(box) or self._witness.vouches(self.grey, box, fused)
 
     @property
     def astray(self) -> frozenset[str]:
         """Trackers that have for some time been where, or as large as, the target cannot be, whatever they see."""
-        return frozenset(n for n, since_ns in self._astray.items() if self._t_ns - since_ns >= _ASTRAY_S * 1e9)
+        return self._place.astray
 
     def look(self, frame: np.ndarray, t_ns: int, foreseen: Foreseen | None = None) -> None:
         """Take in the next picture: the answer moves with it.
@@ -112,8 +96,7 @@ class PictureFusion:
             t_ns: its stamp, ns.
             foreseen: where somebody who knows the target's motion over ground expects it in it; None: nobody does.
         """
-        self._foreseen = foreseen
-        self._whole = None if foreseen is None else foreseen.whole(frame.shape)
+        self._place.look(t_ns, foreseen, frame.shape)
         self.grey, self._t_ns = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), t_ns
         moved_px = None if foreseen is None else foreseen.moved_px
         before, self.place_px = self.place_px, self._camera.see(self.grey, t_ns, moved_px)
@@ -149,12 +132,12 @@ class PictureFusion:
                 measurements.append(Measurement(name, answer.t_ns, None))
             elif answer.result is not None:
                 seen_at, doubted = self._camera.at(answer.t_ns), name in verdict.doubted
-                fitted = self._fitted(upright_box(answer.result))
+                fitted = self._place.fitted(upright_box(answer.result))
                 measurements.append(_measurement_of(name, answer.result, fitted, answer.t_ns, seen_at, doubted))
         measurements += self._of_thing(answers)
         fused = _shifted(self._fusion.step(measurements, self._t_ns), self.place_px)
         if any(j.reliability > _HEARD for name, j in fused.sources.items() if name != SILHOUETTE.name):
-            self._seen_ns = self._t_ns
+            self._place.seen()
         fused = self.fused = replace(fused, restart=tuple(n for n in fused.restart if n != SILHOUETTE.name))
         if fused.state == "tracking":
             self._fit(float(fused.value[3]), float(fused.value[2]))
@@ -165,90 +148,43 @@ class PictureFusion:
 
     def _of_thing(self, answers: Mapping[str, Answer]) -> list[Measurement]:
         """The thing at the target's place, as a measurement; it vouches for trackers that are on it."""
-        thing = self._whole or self._solid
-        if thing is None:
+        if self._place.thing is None:
             return []
+        box, confidence = self._place.thing
         if self.fused is None or self.fused.state != "tracking":
             self._fusion.forget(SILHOUETTE.name, follow=True)
-        now = {n: a.result for n, a in answers.items() if a.result is not None and a.t_ns == self._t_ns}
-        on_it = {n for n, r in now.items() if r.state == "tracking" and jaccard(upright_box(r), thing) > _IT}
-        for name in (*on_it, SILHOUETTE.name):
+        for name in (*self._place.on_thing(self._seen(answers)), SILHOUETTE.name):
             self._fusion.vouch(name)
-        confidence = _SOLID if self._whole is None else 1.0
-        return [Measurement(SILHOUETTE.name, self._t_ns, _value_of(thing, self.place_px), confidence)]
+        return [Measurement(SILHOUETTE.name, self._t_ns, _value_of(box, self.place_px), confidence)]
 
-    @property
-    def _solid(self) -> Box | None:
-        """What stands at the target's place by the depth camera, unless no tracker has seen the target for long."""
-        if self._foreseen is None or self._t_ns - self._seen_ns > _SOLID_ALONE_S * 1e9:
-            return None
-        return self._foreseen.solid
+    def _seen(self, answers: Mapping[str, Answer]) -> dict[str, Box]:
+        """Boxes of those that see the target in this very picture, px."""
+        now = {n: a.result for n, a in answers.items() if a.result is not None and a.t_ns == self._t_ns}
+        return {name: upright_box(result) for name, result in now.items() if result.state == "tracking"}
 
     def put(self, name: str) -> None:
         """A tracker was put on the answer in the newest picture."""
         self.given(name)
         self._riding.moved(name)
-        self._astray.pop(name, None)
+        self._place.put(name)
         self._fusion.forget(name)
 
     def _judge(self, answers: Mapping[str, Answer]) -> Verdict:
         """What the witness thinks of the answers to this very picture; of late ones it has the picture no more."""
-        now = {n: a.result for n, a in answers.items() if a.result is not None and a.t_ns == self._t_ns}
-        if not now:
+        if not any(a.result is not None and a.t_ns == self._t_ns for a in answers.values()):
             return Verdict()
-        seen = {name: upright_box(result) for name, result in now.items() if result.state == "tracking"}
-        excluded = self._excluded(seen)
+        seen = self._seen(answers)
+        excluded = self._place.excluded(seen)
         seen = {name: box for name, box in seen.items() if name not in excluded}
         stretches = self._riding.look(self.grey, self._t_ns, self.place_px, seen)
-        boxes = {name: self._fitted(box) for name, box in seen.items()}
-        foreseen = None if self._foreseen is None else self._foreseen.box
-        confirmed = self._confirmed(boxes)
+        boxes = {name: self._place.fitted(box) for name, box in seen.items()}
+        foreseen, confirmed = self._place.box, self._place.confirmed(boxes)
         verdict = self._witness.judge(
             self.grey, boxes, self._several, self.fused, self._t_ns, foreseen, stretches, confirmed
         )
         for name in verdict.begun:
             self._fusion.forget(name, follow=True)
         return replace(verdict, silent=verdict.silent | excluded)
-
-    def _excluded(self, boxes: Mapping[str, Box]) -> frozenset[str]:
-        """Trackers that are at something else, by its distance; notes since when, and who has another size."""
-        if self._foreseen is None:
-            self._astray.clear()
-            self._disputed_ns = self._t_ns
-            return frozenset()
-        excluded = self._foreseen.excluded(boxes)
-        excluded -= self._majority(boxes, excluded)
-        if self._whole is not None:
-            excluded |= {name for name, box in boxes.items() if jaccard(box, self._whole) < _ON_IT}
-        for name, box in boxes.items():
-            if name in excluded or self._foreseen.grown(box) != 0.0:
-                self._astray.setdefault(name, self._t_ns)
-            else:
-                self._astray.pop(name, None)
-        return excluded
-
-    def _majority(self, boxes: Mapping[str, Box], excluded: frozenset[str]) -> frozenset[str]:
-        """Trackers at another distance than foreseen that have agreed for long, against no more than one that is not.
-
-        What is foreseen rests on who was heard; where that one went astray, so did it.
-        """
-        away = self._foreseen.of_his_size({n: boxes[n] for n in excluded}) if self._foreseen is not None else ()
-        group = together({n: boxes[n] for n in away})
-        if len(group) < 2 or len(boxes) - len(excluded) > 1:
-            self._disputed_ns = self._t_ns
-        return group if self._t_ns - self._disputed_ns >= _DISPUTED_S * 1e9 else frozenset()
-
-    def _confirmed(self, boxes: Mapping[str, Box]) -> frozenset[str]:
-        """Trackers that agree with another, or with what stands there, where the depth camera has the target."""
-        if self._foreseen is None:
-            return frozenset()
-        there = self._foreseen.confirmed(boxes)
-        thing = {} if self._solid is None else {SILHOUETTE.name: self._solid}
-        return together({n: box for n, box in boxes.items() if n in there} | thing) - {SILHOUETTE.name}
-
-    def _fitted(self, box: Box) -> Box:
-        """A tracker's box, no larger and no smaller than the target can look."""
-        return box if self._foreseen is None else self._foreseen.fitted(box)
 
     def _fit(self, width: float, height: float) -> None:
         self._size = (max(width, _LEAST_SIDE_PX), max(height, _LEAST_SIDE_PX))
