@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.geometry.camera import Camera
-from common.tracking.base import Box
+from common.tracking.base import Box, check_frame
 
 Array = NDArray[np.float32]
 _WIDTH_PX = 160
@@ -53,18 +53,20 @@ class Backdrop:
     """The room as seen from one place.
 
     Args:
-        camera: calibration of the pictures; with both angles at 0 it looks level.
+        camera: calibration of the pictures, without distortion; with both angles at 0 it looks level.
         limits_rad: furthest pan and tilt to either side.
     """
 
     def __init__(self, camera: Camera, limits_rad: tuple[float, float]):
+        self._frame_shape = (camera.height, camera.width, 3)
         self._shrink = max(1, round(camera.width / _WIDTH_PX))
         self._shape = (camera.height // self._shrink, camera.width // self._shrink)
+        small = camera.resized(self._shape[1], self._shape[0])
+        self._lens = np.array([small.fx_px, small.fy_px, small.cx_px, small.cy_px])
         columns, rows = np.meshgrid(np.arange(self._shape[1]), np.arange(self._shape[0]))
-        middle = (self._shrink - 1) / 2
-        self._lens = np.array([camera.fx_px, camera.fy_px, camera.cx_px - middle, camera.cy_px - middle]) / self._shrink
-        self._rays = (columns - self._lens[2]) / self._lens[0], (rows - self._lens[3]) / self._lens[1]
-        half = [math.atan(side / focal) for side, focal in zip(self._shape[::-1], self._lens[:2], strict=True)]
+        self._rays = (columns - small.cx_px) / small.fx_px, (rows - small.cy_px) / small.fy_px
+        # Twice what a level picture shows beside its middle: one that is tilted reaches further with its corners.
+        half = math.atan(small.width / small.fx_px), math.atan(small.height / small.fy_px)
         self._corner = np.array([-min(math.pi, limits_rad[0] + half[0]), -min(math.pi / 2, limits_rad[1] + half[1])])
         self._scale = _FINER * float(self._lens[0])
         size = np.ceil(-2 * self._corner * self._scale).astype(int)
@@ -81,7 +83,11 @@ class Backdrop:
             frame: the picture, (H, W, 3) uint8 BGR.
             pan_rad: where it was taken, clockwise from above, rad.
             tilt_rad: upwards, rad.
+
+        Raises:
+            ValueError: no colour picture of the camera's size.
         """
+        check_frame(frame, self._frame_shape)
         small = cv2.resize(frame, self._shape[::-1], interpolation=cv2.INTER_AREA).astype(np.float32)
         at = self._directions(pan_rad, tilt_rad)
         seen = cv2.remap(self._seen, *at, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT)

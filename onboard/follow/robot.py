@@ -25,6 +25,8 @@ _PLACE_M, _START_M_S, _DENSITY = 0.02, 0.3, 0.8
 of the target's acceleration, m/s^1.5: what is pushed or drives over a floor."""
 _NEAREST_M, _REACH_M_S2 = 0.2, 0.3
 """Least distance at which a target is expected in the picture, m, and half of its acceleration, m/s²."""
+_NEARER_M = 0.2
+"""How much nearer or farther than foreseen a target that is seen may be, m: less than what is pushed before it."""
 _FORM_MEMORY_S, _MOST_GROWN = 3.0, 1.1
 """Time constant with which what is known of the target's size over ground follows the box, s, and how many times as
 large, or as small, as at the first it may become: what is rigid looks narrower or wider as it turns, no more."""
@@ -142,10 +144,20 @@ class RobotFollower:
         speed, turn = (np.array(self._own) - self._looked_at) / max(self._away_s, 1e-3)
         return np.array([-self._camera.fx_px * float(turn), 0.0, -float(speed)])
 
+    def _own_depth(self, depth_m: Array | None) -> Array | None:
+        """Depth inside the box, (h, w), m, without what is nearer or farther than the target can be: 0 there.
+
+        What slides between covers a part of the box while trackers still see the rest.
+        """
+        if depth_m is None or self._target is None:
+            return depth_m
+        off_m = np.abs(depth_m - self._ahead(self._rolled_ns)[0])
+        return np.where(off_m < _NEARER_M + _REACH_M_S2 * self._away_s**2, depth_m, 0.0)
+
     def _look(self, box: Box, depth_m: Array | None) -> None:
         camera, t_ns = self._camera, self._rolled_ns
         centre = (box[0] + box[2] / 2, box[1] + box[3] / 2)
-        estimate = self._depth.update(t_ns, centre, (box[2], box[3]), depth_m, self._control())
+        estimate = self._depth.update(t_ns, centre, (box[2], box[3]), self._own_depth(depth_m), self._control())
         if estimate is None:
             return
         ahead = float(estimate.position[2])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 
 from benchmarks.follow_scene import Hall, Lens, Light, Thing, camera
 from benchmarks.follow_solids import bin_
@@ -60,6 +61,11 @@ def test_what_was_never_seen_is_unknown_and_what_is_the_target_is_not_learned() 
         backdrop.learn(target)
     apart = backdrop.look(there, 1.2, 0.1)
     assert (apart[52:68, 72:88] == 0).all() and float((apart == -1).mean()) > 0.8
+
+
+def test_a_picture_of_another_size_is_refused() -> None:
+    with pytest.raises(ValueError, match="got 160x120 px, expected 320x240 px"):
+        Backdrop(EYE, (2.6, 0.9)).look(np.zeros((120, 160, 3), np.uint8), 0.0, 0.0)
 
 
 def test_who_passes_leaves_no_trace_and_what_stays_becomes_the_room() -> None:

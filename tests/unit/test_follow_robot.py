@@ -108,6 +108,21 @@ def test_what_the_wheels_begin_to_do_changes_the_rates_before_a_picture_shows_it
     assert depth.rate[0] == pytest.approx(-0.5 * EYE.fx_px, rel=0.2), "and goes to the left as the robot turns"
 
 
+def test_what_slides_before_the_target_is_not_taken_for_its_distance() -> None:
+    world = World((0.0, 0.0))
+    for _ in range(40):
+        world.step(True)
+    ahead_m = world.follower.distance_m
+    for share in (1, 2, 3):
+        world.t_ns += STEP_NS
+        depth_m = np.full((4, 4), ahead_m)
+        depth_m[:, :share] = 0.6 * ahead_m
+        world.follower.roll(world.t_ns, 0.0, 0.0)
+        drive = world.follower.step(world.box(), depth_m)
+    assert world.follower.distance_m == pytest.approx(ahead_m, abs=0.02)
+    assert abs(drive.speed_m_s) < 0.05, "it does not come nearer"
+
+
 def test_a_box_that_grows_by_half_at_the_same_distance_is_not_expected_so() -> None:
     world = World((0.0, 0.0))
     for _ in range(30):
