@@ -34,7 +34,6 @@ they go first. The other tests fill the cores beside them."""
 _PAIRS = (
     "test_doctor_command.py",
     "test_external_autopilot.py",
-    "test_limiter_in_flight.py",
     "test_reinitialise.py",
     "test_stick_is_taken.py",
     "test_two_machines.py",
