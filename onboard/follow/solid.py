@@ -49,6 +49,8 @@ class Thing(NamedTuple):
     """What it fills of the picture, px²."""
     foot: float
     """Column of the middle of its lowest part, px: who leans stands where he stood."""
+    distance_m: float
+    """How far it is along the optical axis, m."""
 
 
 class Solid:
@@ -81,7 +83,7 @@ class Solid:
     def find(self, pose: Pose, foreseen: Foreseen, reach_m: float) -> Box | None:
         """The target's box by the thing at its place; None where there is none, more than one, or nothing is known yet.
 
-        It is as large as foreseen: the box around who leans is no box of any tracker.
+        It is as large as foreseen, for the thing's distance: the box around who leans is no box of any tracker.
 
         Args:
             pose: the vehicle.
@@ -90,13 +92,15 @@ class Solid:
         """
         if self._learned_s < _KNOWN_S or foreseen.outside:
             return None
-        like = [thing for thing in self.things(pose, foreseen) if self._is_like(thing, foreseen.box)]
+        like = [thing for thing in self.things(pose, foreseen) if self._is_like(thing, _at(foreseen, thing.distance_m))]
         if not like:
             return None
         like.sort(key=lambda thing: self._off_m(thing, foreseen))
         off_m = [self._off_m(thing, foreseen) for thing in like]
         clear = len(like) == 1 or off_m[1] - off_m[0] > _CLEARER_M
-        return _applied(self._relation, like[0].box, foreseen.box) if clear and off_m[0] <= reach_m else None
+        if not clear or off_m[0] > reach_m:
+            return None
+        return _applied(self._relation, like[0].box, _at(foreseen, like[0].distance_m))
 
     def things(self, pose: Pose, foreseen: Foreseen) -> list[Thing]:
         """What stands free of the floor at the target's distance, near its place."""
@@ -119,11 +123,12 @@ class Solid:
         for label, (left, top, width, height, area) in enumerate(stats[1:number].tolist(), 1):
             mine = labels[top : top + height, left : left + width] == label
             depths = part[top : top + height, left : left + width][mine]
-            if area < least or _deep_m(depths[depths > 0.0]) > _DEEP_M:
+            nearest_m, distance_m, farthest_m = np.percentile(depths[depths > 0.0], (10, 50, 90)).tolist()
+            if area < least or farthest_m - nearest_m > _DEEP_M:
                 continue
             foot = left + float(np.nonzero(mine[-max(1, round(_FOOT * height)) :])[1].mean())
             box = ((left + columns.start) * scale, (top + rows.start) * scale, width * scale, height * scale)
-            things.append(Thing(box, area * scale**2, (foot + columns.start + 0.5) * scale))
+            things.append(Thing(box, area * scale**2, (foot + columns.start + 0.5) * scale, distance_m))
         return things
 
     def _window(self, shape: tuple[int, ...], foreseen: Foreseen) -> tuple[slice, slice]:
@@ -143,10 +148,10 @@ class Solid:
             self._rays = camera.rays(np.column_stack([columns.ravel(), rows.ravel()])).reshape(*shape, 3)
         return self._rays
 
-    def _is_like(self, thing: Thing, expected: Box) -> bool:
-        """Whether it is as tall and as large as the thing is that the target is a part of."""
-        taller = math.log(thing.box[3] / expected[3]) + self._relation[2]
-        larger = 0.5 * (math.log(thing.area / (expected[2] * expected[3])) + self._relation[3])
+    def _is_like(self, thing: Thing, size: tuple[float, float]) -> bool:
+        """Whether it is as tall and as large as the thing is that the target is a part of, there of this size, px."""
+        taller = math.log(thing.box[3] / size[1]) + self._relation[2]
+        larger = 0.5 * (math.log(thing.area / (size[0] * size[1])) + self._relation[3])
         return abs(taller) <= _TALLER and abs(larger) <= _LARGER
 
     def _off_m(self, thing: Thing, foreseen: Foreseen) -> float:
@@ -161,16 +166,16 @@ def _relation(box: Box, thing: Thing) -> Array:
     return np.array([*off, math.log(height / tall), math.log(width * height / thing.area)])
 
 
-def _applied(relation: Array, thing: Box, size: Box) -> Box:
-    (left, top, across, tall), (_, _, width, height) = thing, size
+def _at(foreseen: Foreseen, distance_m: float) -> tuple[float, float]:
+    """Width and height that the target shows at a distance, m, px."""
+    nearer = foreseen.distance_m / distance_m
+    return foreseen.box[2] * nearer, foreseen.box[3] * nearer
+
+
+def _applied(relation: Array, thing: Box, size: tuple[float, float]) -> Box:
+    (left, top, across, tall), (width, height) = thing, size
     right, down = relation[:2].tolist()
     return left + across / 2 + right * across - width / 2, top + tall / 2 + down * tall - height / 2, width, height
-
-
-def _deep_m(depth_m: Array) -> float:
-    """From the nearest tenth of some depths to the farthest, m."""
-    nearest, farthest = np.percentile(depth_m, (10, 90)).tolist()
-    return farthest - nearest
 
 
 def _holds(thing: Box, box: Box) -> bool:

@@ -110,11 +110,14 @@ class Foreseen:
             known = np.zeros(0) if core is None else core[core > 0.0]
             if core is None or len(known) < _KNOWN * core.size or np.mean(self._of_cover(known, before_m)) > _MOSTLY:
                 continue
-            nearer = math.log(float(np.median(known)) / self.distance_m)
-            larger = 0.5 * math.log(box[2] * box[3] / (self.box[2] * self.box[3]))
-            if abs(nearer + larger) < _OF_HIS_SIZE:
+            if self._fits(box, float(np.median(known))):
                 names.add(name)
         return frozenset(names)
+
+    def _fits(self, box: Box, distance_m: float) -> bool:
+        """Whether a box is as large in metres as the target, at a distance, m."""
+        larger = 0.5 * math.log(box[2] * box[3] / (self.box[2] * self.box[3]))
+        return abs(larger + math.log(distance_m / self.distance_m)) < _OF_HIS_SIZE
 
     def confirmed(self, boxes: Mapping[str, Box]) -> frozenset[str]:
         """Trackers whose box is where, as large and as far as the target is foreseen; none where it is not measured."""
@@ -124,7 +127,7 @@ class Foreseen:
         return frozenset(
             name
             for name, box in boxes.items()
-            if as_foreseen(box, self.box) and self._share(core_of(depth_m, box, self.shape), before_m) > _MOSTLY
+            if as_foreseen(box, self.box) and self._share(box, core_of(depth_m, box, self.shape), before_m) > _MOSTLY
         )
 
     def grown(self, box: Box) -> float:
@@ -150,14 +153,22 @@ class Foreseen:
             return self.measured and self.distance_m + self.reach_m + _NEARER_M < float(depth_m.max())
         if float(np.mean(self._of_cover(known, before_m))) > _MOSTLY:
             return True
-        return self._share(core, before_m) < _HIS
+        return self._share(box, core, before_m) < _HIS
 
-    def _share(self, core: Array | None, before_m: float) -> float:
-        """Share of the measured pixels in the middle of a box that are as far as the target can be; 0 of too few."""
+    def _share(self, box: Box, core: Array | None, before_m: float) -> float:
+        """Share of the measured pixels in the middle of a box that are as far as the target can be.
+
+        0 of too few, and where the box is not as large as the target at the distance that they show: what is behind him
+        is soon within his reach, too.
+        """
         known = np.zeros(0) if core is None else core[core > 0.0]
         if core is None or len(known) < _KNOWN * core.size:
             return 0.0
-        return float(np.mean(self._as_far(known, before_m)))
+        his = known[self._as_far(known, before_m)]
+        at_m = float(np.median(his)) if len(his) else self.distance_m
+        if abs(at_m - self.distance_m) > _NEARER_M and not self._fits(box, at_m):
+            return 0.0
+        return len(his) / len(known)
 
     def as_far(self, depth_m: Array) -> NDArray[np.bool_]:
         """Which depths, m, of any shape, are as far as the target can be, and not of what covers it."""

@@ -89,6 +89,15 @@ def test_a_box_is_confirmed_where_it_is_as_large_and_as_far_as_the_target_is_for
         assert not unknown.confirmed(boxes)
 
 
+def test_what_is_behind_him_is_not_he_though_he_may_have_gone_so_far_unless_the_box_has_shrunk_as_much() -> None:
+    x, y, width, height = HIS
+    smaller: Box = (x + 60.0, y, 0.67 * width, 0.67 * height)
+    depth = _depth(((0.0, 0.0, 320.0, 240.0), 6.0))
+    foreseen = Foreseen(HIS, 4.0, 2.0, depth, SHAPE)
+    assert foreseen.excluded({"as large": _aside(20.0), "smaller": smaller}) == {"as large"}
+    assert not foreseen.confirmed({"as large": _aside(5.0)})
+
+
 def test_a_box_is_of_the_targets_size_wherever_it_is_if_the_measured_distance_says_so() -> None:
     x, y, width, height = HIS
     farther: Box = (x + 60.0, y, 0.7 * width, 0.7 * height)
