@@ -20,6 +20,7 @@ from common.tracking.base import Box, Tracker
 from onboard.follow.config import FollowConfig
 from onboard.follow.law import Vehicle
 from onboard.follow.steering import Steering
+from onboard.fusion.center import SEVERAL
 from onboard.fusion.depth import DepthConfig
 from onboard.fusion.tracker import HabDfTracker
 from onboard.helm.arbiter import HOVER, Verdict
@@ -147,11 +148,13 @@ def follow(course: Course, tracker: Tracker, quadrotor: Quadrotor, depth: DepthE
                 raise RuntimeError("follow: the person is not in the first picture")
             tracker.init(frame, truth.box, 0.0, t_ns)
             box: Box | None = truth.box
+            sure = True
         else:
             if isinstance(tracker, HabDfTracker):
                 tracker.foresee(steering.expected(t_ns, pose, depth_m))
-            box = box_of(tracker.update(frame, t_ns))
-        request = steering.step(t_ns, box, pose, vehicle, depth_m)
+            result = tracker.update(frame, t_ns)
+            box, sure = box_of(result), isinstance(tracker, HabDfTracker) and result.score > SEVERAL
+        request = steering.step(t_ns, box, pose, vehicle, depth_m, sure=sure)
         asked = HOVER if request is None else Verdict("follow", request.vector, request.yaw_rate_rad_s, 0.0)
         stick_rad_s = course.operators_turn_rad_s(index)
         if stick_rad_s is not None:

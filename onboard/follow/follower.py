@@ -16,7 +16,7 @@ from onboard.follow.choice import Picture
 from onboard.follow.config import FollowConfig
 from onboard.follow.law import Vehicle
 from onboard.follow.steering import Steering
-from onboard.fusion.center import Fused
+from onboard.fusion.center import SEVERAL, Fused
 from onboard.fusion.config import FusionConfig, HabDfConfig
 from onboard.fusion.depth import DepthConfig
 from onboard.fusion.live import LiveHabDf
@@ -117,7 +117,7 @@ class Follower:
         fused = self.fusion.step(frame, t_ns, self._steering.expected(t_ns, pose, depth_m))
         box = self.fusion.box
         seen = box if fused.state == "tracking" else None
-        request = self._steering.step(t_ns, seen, pose, vehicle, depth_m)
+        request = self._steering.step(t_ns, seen, pose, vehicle, depth_m, sure=fused.confidence > SEVERAL)
         return Followed(_track(fused, self.fusion.sees(t_ns), box, self._steering.why_not), request)
 
     def close(self) -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from common.geometry.camera import Camera
 from common.messages import Request
-from common.tracking.base import Box
+from common.tracking.base import Box, center_of
 from onboard.follow.config import FollowConfig
 from onboard.follow.law import FollowLaw, Vehicle
 from onboard.follow.sight import Sight, TargetPlace, in_camera, in_ned, looks_ahead, whole_from_m
@@ -25,6 +25,8 @@ _NEAREST_M = 0.3
 _ASIDE_M, _ASIDE_M_S2 = 0.5, 1.5
 """How far beside where he is foreseen he may be, m, and half of the acceleration with which he gets further, m/s²: who
 walks beside him is further off."""
+_INSISTED_S = 0.4
+"""How long several trackers must have agreed where he cannot be for his foreseen place to be given up, s."""
 _SIZE_MEMORY_S = 3.0
 """Time constant with which the size over ground follows the box, s: what slides before a target makes it smaller, and a
 tracker alone keeps its own size while the target's changes in the picture."""
@@ -62,6 +64,7 @@ class Steering:
         self._solid = Solid(self._camera)
         self._measured_ns = 0
         self._cover: Array | None = None
+        self._refused_ns = 0
         self._size_m: Array | None = None
         self._first_size_m = np.ones(2)
         self._with_depth = False
@@ -110,6 +113,8 @@ class Steering:
         pose: Pose | None,
         vehicle: Vehicle | None,
         depth_m: Array | None = None,
+        *,
+        sure: bool = False,
     ) -> Request | None:
         """What to ask of helm; None, and `why_not`, without a target, a pose, or once it has been away for too long.
 
@@ -119,10 +124,11 @@ class Steering:
             pose: the vehicle then; None while unknown.
             vehicle: the vehicle then, with its rates.
             depth_m: depth picture that belongs to it, (h, w), m, 0 for none, at any size; None without a depth camera.
+            sure: whether several trackers agree on the box.
         """
         self.why_not = "" if pose is not None and vehicle is not None else "no vehicle state for this picture"
         if box is not None and pose is not None:
-            self._look(t_ns, box, pose, depth_m)
+            self._look(t_ns, box, pose, depth_m, sure)
         if pose is not None:
             self._watch_cover(t_ns, pose, depth_m)
         state = self._place.at(t_ns)
@@ -144,14 +150,14 @@ class Steering:
         ray = self._camera.rays([(x + width / 2, y + height / 2)])[0]
         self._cover = in_ned(self._camera, pose, ray * foreseen.before_m)
 
-    def _beside_m(self, found: Array, pose: Pose, t_ns: int) -> float:
-        """How far a place (3,) is beside the line on which the target is foreseen, m; 0 of a first one."""
+    def _beside_m(self, box: Box, pose: Pose, t_ns: int) -> float:
+        """How far the target is foreseen beside the line of sight to a box's middle, m; 0 of a first one."""
         state = self._place.at(t_ns)
         if state is None or not looks_ahead(self._camera):
             return 0.0
-        towards, where = state.ned_p_m - pose.ned_p_m, found - pose.ned_p_m
-        across = float(np.linalg.norm(np.cross(towards, where)))
-        return across / max(float(np.linalg.norm(where)), 1e-6)
+        ray = self._camera.rays([center_of(box)])[0]
+        across = np.cross(in_camera(self._camera, pose, state.ned_p_m), ray)
+        return float(np.linalg.norm(across) / np.linalg.norm(ray))
 
     def _reach_m(self, t_ns: int) -> float:
         """How far aside of where he is foreseen somebody can be, m."""
@@ -171,17 +177,27 @@ class Steering:
             about_m = float(in_camera(self._camera, pose, state.ned_p_m)[2])
         return core_of(depth_m, box, (self._camera.height, self._camera.width), about_m, self._gone_m(t_ns))
 
-    def _look(self, t_ns: int, box: Box, pose: Pose, depth_m: Array | None) -> None:
+    def _insisted(self, t_ns: int, refused: bool, sure: bool) -> bool:
+        """Whether boxes where he cannot be were sure for so long that he was never where he was foreseen."""
+        if not refused or not sure:
+            self._refused_ns = t_ns
+        return t_ns - self._refused_ns >= _INSISTED_S * 1e9
+
+    def _look(self, t_ns: int, box: Box, pose: Pose, depth_m: Array | None, sure: bool) -> None:
         foreseen = self._foreseen(t_ns, pose, depth_m)
-        if foreseen is not None and foreseen.excluded({"it": box}):
-            return  # what is there is nearer or farther than he can be
+        # What is there is nearer or farther than he can be, or beside: nobody steps aside so quickly.
+        refused = foreseen is not None and bool(foreseen.excluded({"it": box}))
+        refused |= self._beside_m(box, pose, t_ns) > self._reach_m(t_ns)
+        if self._insisted(t_ns, refused, sure):
+            self._place.reset()
+            foreseen = self._cover = None
+        elif refused:
+            return
         core = self._core(t_ns, box, pose, depth_m)
         found = self._sight.place(t_ns, box, pose, core)
         if found is None:
             self.why_not = self._sight.why_not
             return
-        if self._beside_m(found, pose, t_ns) > self._reach_m(t_ns):
-            return  # what is there cannot be he: nobody steps aside so quickly
         if self._measured_ns == 0 and self._config.keep == "whole" and looks_ahead(self._camera):
             level_m = float(np.hypot(*(found - pose.ned_p_m)[:2]))
             self._law.least_m = whole_from_m(self._camera, box, pose, level_m, self._config.slew_m_s2)

@@ -26,6 +26,8 @@ from onboard.fusion.weights import combine, severity, vote_weight
 FusionState = Literal["waiting", "tracking", "predicted", "lost"]
 _ONE_SOURCE = 0.7
 """Confidence that one fully reliable source alone gives; two give 0.91."""
+SEVERAL = 0.8
+"""Confidence above which several spoke for the answer a moment ago."""
 _SUSPECT = 0.05
 """w_M from which a measurement counts as an outlier to its own past: well below one half it already weighs less."""
 _TYPICAL, _MOST_AGILE = 0.8, 10.0

@@ -198,6 +198,23 @@ def test_a_box_that_steps_aside_faster_than_anybody_does_is_not_flown_after_unti
     assert after_s <= followed_s <= after_s + 0.2
 
 
+@pytest.mark.parametrize(("sure", "from_s"), [(False, 1.15), (True, 0.4)])
+def test_several_trackers_that_agree_where_he_cannot_be_are_flown_after_sooner(sure: bool, from_s: float) -> None:
+    camera = _camera(0.17)
+    steering = Steering(FollowConfig(), DepthConfig(), camera)
+    t_ns, distance_m = _walking(steering, camera, 0.0, 1.0)
+    box, pose = _seen(camera, distance_m, 0.0)
+    beside = (box[0] + 228.0 * 2.8 / distance_m, *box[1:])
+    vehicle = Vehicle(pose.ned_p_m, np.zeros(3), 0.0, 0.0)
+    turns = []
+    for k in range(1, 60):
+        request = steering.step(t_ns + k * S // 30, beside, pose, vehicle, sure=sure)
+        assert request is not None
+        turns.append(request.yaw_rate_rad_s)
+    followed_s = next(k for k, turn in enumerate(turns, 1) if turn > 0.03) / 30
+    assert from_s <= followed_s <= from_s + 0.15
+
+
 def test_a_box_at_the_feet_of_somebody_else_is_not_flown_after_since_nobody_sinks_into_the_floor() -> None:
     camera = _camera(0.17)
     steering = Steering(FollowConfig(), DepthConfig(), camera)
