@@ -1,11 +1,11 @@
 """A person's way through a hall, and what happens on it: the course that the UAV flies after him.
 
 He walks round a loop before the vehicle, faster and slower. All along it comes what trackers are known to fail at, in
-three rows that know nothing of each other: what he and the vehicle do (he turns about, bends over, hurries ahead or
-steps back; the operator turns the vehicle away from him), who passes (a screen or somebody in his uniform passes
-between; somebody in his colours walks beside him), and what the picture suffers (the light changes; the camera shakes).
-So he may come out from behind the screen with his back turned, in another light. In a row one follows the other with
-hardly a pause, each kind once before any comes again. The order, the sides and the strengths are drawn.
+two rows that know nothing of each other: what he and the vehicle do (he turns about, bends over, hurries ahead or steps
+back; the operator turns the vehicle away from him), and what happens around them (a screen or somebody in his uniform
+passes between; somebody in his colours walks beside him; the light changes; the camera shakes). So he may come out from
+behind the screen with his back turned. In a row one follows the other with hardly a pause, each kind once before any
+comes again. The order, the sides and the strengths are drawn.
 """
 
 from __future__ import annotations
@@ -25,11 +25,9 @@ HALF_M = (16.0, 16.0)
 START_M = 3.0
 OWN = {"turn": 4.0, "lean": 3.5, "size": 6.0, "aside": 4.0}
 """What he and the vehicle do, and how long it lasts, s."""
-PASSING = {"screen": 4.0, "crossing": 3.0, "companion": 6.0}
-"""Who or what passes, and how long it lasts, s."""
-PICTURE = {"light": 6.0, "shake": 3.0}
-"""What the picture suffers, and how long it lasts, s."""
-KINDS = {**OWN, **PASSING, **PICTURE}
+AROUND = {"screen": 4.0, "crossing": 3.0, "companion": 6.0, "light": 6.0, "shake": 3.0}
+"""What happens around them, and how long it lasts, s."""
+KINDS = {**OWN, **AROUND}
 """All of it."""
 _FIRST_S = 3.0
 _PAUSE_S = 0.5
@@ -60,8 +58,8 @@ class Event:
 
 
 def events(rng: np.random.Generator, duration_s: float) -> list[Event]:
-    """All rows until a time, s."""
-    return [event for row in (OWN, PASSING, PICTURE) for event in _row(rng, row, duration_s)]
+    """Both rows until a time, s."""
+    return [event for row in (OWN, AROUND) for event in _row(rng, row, duration_s)]
 
 
 def _row(rng: np.random.Generator, kinds: Mapping[str, float], duration_s: float) -> list[Event]:
