@@ -121,10 +121,12 @@ class Solid:
         least = _LEAST_SHARE * foreseen.box[2] * foreseen.box[3] / scale**2
         things = []
         for label, (left, top, width, height, area) in enumerate(stats[1:number].tolist(), 1):
+            if area < least:
+                continue
             mine = labels[top : top + height, left : left + width] == label
             depths = part[top : top + height, left : left + width][mine]
             nearest_m, distance_m, farthest_m = np.percentile(depths[depths > 0.0], (10, 50, 90)).tolist()
-            if area < least or farthest_m - nearest_m > _DEEP_M:
+            if farthest_m - nearest_m > _DEEP_M:
                 continue
             foot = left + float(np.nonzero(mine[-max(1, round(_FOOT * height)) :])[1].mean())
             box = ((left + columns.start) * scale, (top + rows.start) * scale, width * scale, height * scale)
