@@ -7,17 +7,14 @@ here; in flight each is a process of its own.
 from __future__ import annotations
 
 import math
-import multiprocessing
-import sys
 import zlib
-from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from typing import Any, TypeVar
+from collections.abc import Sequence
 
 import numpy as np
 
 from benchmarks import follow_ground, follow_pan_tilt, follow_uav
 from benchmarks.base import Benchmark, Outcome, Settings
+from benchmarks.beside import Part, results_of
 from benchmarks.follow_score import Score
 from common.config import Config, ConfigError, unknown_key_text
 from common.processes import load_config
@@ -32,27 +29,6 @@ _UAV_FRAMES, _UAV_QUICK = 7200, 900
 _HEAD_FRAMES, _HEAD_QUICK, _HEAD_RUNS, _HEAD_QUICK_RUNS = 900, 210, 5, 2
 _GROUND_M, _GROUND_QUICK_M = 110.0, 7.0
 _PAPER_UAV = {"uav_frames_followed": 7132.0, "uav_frames_best_member": 1738.0, "uav_frames_until_loss_ratio": 4.1}
-_BAR = 24
-
-T = TypeVar("T")
-Part = tuple[Any, ...]
-
-
-def _both_at_once(work: Callable[..., T], parts: Sequence[Part], report: Callable[[Part, T], str]) -> list[T]:
-    """Result of each part, in their order, computed in two processes; a line or a bar says how far it is."""
-    results: dict[int, T] = {}
-    with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as pool:
-        futures = {pool.submit(work, *part): number for number, part in enumerate(parts)}
-        for done, future in enumerate(as_completed(futures), 1):
-            number = futures[future]
-            results[number] = future.result()
-            text = f"follow: {done} of {len(parts)}: {report(parts[number], results[number])}"
-            if sys.stderr.isatty():
-                bar, end = "#" * (_BAR * done // len(parts)), "\n" if done == len(parts) else ""
-                print(f"\r[{bar:{_BAR}}] {text:80}", end=end, file=sys.stderr, flush=True)
-            else:
-                print(text, file=sys.stderr, flush=True)
-    return [results[number] for number in range(len(parts))]
 
 
 def run(settings: Settings) -> Outcome:
@@ -98,7 +74,7 @@ def _uav(config: Config, settings: Settings) -> dict[str, float]:
     frames = _UAV_QUICK if settings.quick else _UAV_FRAMES
     names = _names(config)
     parts = [(name, settings.seed, frames) for name in names]
-    scores = dict(zip(names, _both_at_once(_fly, parts, _flown), strict=True))
+    scores = dict(zip(names, results_of(_fly, parts, _flown), strict=True))
     members = {name: score.followed for name, score in scores.items() if name != _FUSION}
     best = max(members.values())
     fused = scores[_FUSION]
@@ -128,7 +104,7 @@ def _pan_tilt(config: Config, settings: Settings) -> dict[str, float]:
     runs = range(_HEAD_QUICK_RUNS if settings.quick else _HEAD_RUNS)
     names = _names(config)
     parts = [(t, n, settings.seed * 100 + r, frames) for t in follow_pan_tilt.TARGETS for n in names for r in runs]
-    done = _both_at_once(_turn, parts, _turned)
+    done = results_of(_turn, parts, _turned)
     results: dict[str, float] = {}
     for target in follow_pan_tilt.TARGETS:
         success: dict[str, float] = {}
@@ -160,7 +136,7 @@ def _ground(config: Config, settings: Settings) -> dict[str, float]:
     """Whether the robot follows the bin to the end of its course."""
     length_m = _GROUND_QUICK_M if settings.quick else _GROUND_M
     names = _names(config)
-    done = _both_at_once(_drive, [(name, settings.seed, length_m) for name in names], _driven)
+    done = results_of(_drive, [(name, settings.seed, length_m) for name in names], _driven)
     results: dict[str, float] = {"ground_course_m": length_m}
     for name, (driven, _) in zip(names, done, strict=True):
         completed = float(not driven.score.lost)

@@ -24,7 +24,6 @@ from common.geometry.rotation import (
     quat_conjugate,
     quat_from_euler,
     quat_multiply,
-    quat_rotate,
     quat_to_matrix,
 )
 from common.tracking.base import Box
@@ -251,10 +250,3 @@ def hidden_share(lens: Lens, target: Thing, things: Sequence[Thing]) -> float:
         if tall > 0.6 * own.box[3]:
             covered |= (columns > other.box[0]) & (columns < other.box[0] + other.box[2])
     return float(covered.mean())
-
-
-def direction(lens: Lens, u: float, v: float) -> Array:
-    """Unit vector (3,), NED, through a pixel."""
-    ray = np.array([(u - lens.camera.cx_px) / lens.camera.fx_px, (v - lens.camera.cy_px) / lens.camera.fy_px, 1.0])
-    ned = quat_rotate(lens.ned_q_body, quat_rotate(lens.camera.body_q_camera, ray))
-    return ned / np.linalg.norm(ned)

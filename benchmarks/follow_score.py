@@ -7,26 +7,21 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from common.evaluation import LARGEST_DISTANCE_PX, LEAST_OVERLAP, distances_px, jaccard
 from common.geometry.camera import Camera
 from common.tracking.base import Box, TrackResult, upright_box
 
 _LOST_S = 2.0
+"""How long without a break the target must have been away for the run to be over, s."""
 _ON_IT = 0.1
+"""Least overlap of a box that is on the target."""
 _HIDDEN = 0.5
-_SUCCESS_J, _SUCCESS_PX = 0.5, 50.0
+"""Share of it that must be covered for nobody to be asked where it is."""
 
 
 def box_of(result: TrackResult | None) -> Box | None:
     """Upright box of an answer; None where it does not say that it sees the target."""
     return upright_box(result) if result is not None and result.state == "tracking" else None
-
-
-def overlap(a: Box, b: Box) -> float:
-    """Area of the intersection of two upright boxes over that of their union (eq. 4.9)."""
-    width = min(a[0] + a[2], b[0] + b[2]) - max(a[0], b[0])
-    height = min(a[1] + a[3], b[1] + b[3]) - max(a[1], b[1])
-    shared = max(0.0, width) * max(0.0, height)
-    return shared / (a[2] * a[3] + b[2] * b[3] - shared)
 
 
 @dataclass
@@ -45,7 +40,7 @@ class Score:
     """Distance of the true target from the middle of the picture, px."""
     overlaps: list[float] = field(default_factory=list)
     """Jaccard index of the box; 0 without one; only of frames in which the target is visible."""
-    distances: list[float] = field(default_factory=list)
+    distances_px: list[float] = field(default_factory=list)
     """Distance over u, v, h, w (4.5.2), px, of the same frames; infinite without a box."""
     frames: int = 0
     """Frames so far."""
@@ -67,9 +62,9 @@ class Score:
             self.errors_px.append(math.hypot(u - self.camera.cx_px, v - self.camera.cy_px))
             bad = not inside
             if inside and hidden < _HIDDEN:
-                j = 0.0 if box is None else overlap(box, truth)
+                j, d = (0.0, math.inf) if box is None else (jaccard(box, truth), distances_px(box, truth)[0])
                 self.overlaps.append(j)
-                self.distances.append(math.inf if box is None else four_distance(box, truth))
+                self.distances_px.append(d)
                 bad = j < _ON_IT
             elif inside:
                 bad = self._bad > 0 and box is None
@@ -92,12 +87,7 @@ class Score:
 
     def success(self, total: int) -> float:
         """Share of a run's frames, those after the loss included, with J >= 0.5 and d <= 50 px (4.5.2)."""
-        good = [j >= _SUCCESS_J and d <= _SUCCESS_PX for j, d in zip(self.overlaps, self.distances, strict=True)]
+        pairs = zip(self.overlaps, self.distances_px, strict=True)
+        good = [j >= LEAST_OVERLAP and d <= LARGEST_DISTANCE_PX for j, d in pairs]
         unseen = self.frames - len(good)
         return sum(good) / max(1, total - unseen)
-
-
-def four_distance(a: Box, b: Box) -> float:
-    """Distance over centre, height and width (4.5.2), px."""
-    centre = (a[0] + a[2] / 2 - b[0] - b[2] / 2, a[1] + a[3] / 2 - b[1] - b[3] / 2)
-    return math.hypot(*centre, a[2] - b[2], a[3] - b[3])

@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import csv
-import multiprocessing
-import os
-import sys
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +11,7 @@ import cv2
 import numpy as np
 
 from benchmarks.base import Benchmark, Outcome, Settings
+from benchmarks.beside import Part, results_of
 from benchmarks.fusion_scene import RATE_HZ, Sequence, sequences
 from benchmarks.sample_video import sample_frames
 from common.config import ConfigError
@@ -27,9 +24,12 @@ from onboard.fusion.config import HabDfConfig
 
 _FRAMES, _QUICK_FRAMES = 240, 80
 _TIE = 0.01
+"""Difference of two successes that counts as none."""
 _VTEST = Path(__file__).parent / "vtest_person.csv"
-_VTEST_QUICK = 80
+_VTEST_QUICK, _ALL = 80, 10**6
 _FUSION = "hab-df"
+Compared = dict[str, Evaluation]
+"""What each tracker was worth on one sequence, by name."""
 _VIDEOS = (".mpg", ".mpeg", ".avi", ".mp4", ".mkv")
 
 
@@ -78,7 +78,7 @@ def _video_frames(path: Path, most: int) -> Iterator[np.ndarray]:
         yield np.asarray(frame)
 
 
-def compare(job: Sequence | _Real, seed: int, options: tuple[str, ...] = ()) -> dict[str, Evaluation]:
+def compare(job: Sequence | _Real, seed: int, options: tuple[str, ...] = ()) -> Compared:
     """Each member alone and the fusion over the same pictures, in step; what each was worth against the truth."""
     cv2.setNumThreads(1)
     config = load_config(None, list(options))
@@ -118,12 +118,14 @@ def run(settings: Settings) -> Outcome:
     """Compare them on 14 rendered sequences, the person of vtest.avi, and the real sequences of a folder."""
     frames = _QUICK_FRAMES if settings.quick else _FRAMES
     made: list[Sequence | _Real] = [*sequences(settings.seed, frames)]
-    real: list[Sequence | _Real] = [_Real("vtest", None, _VTEST_QUICK if settings.quick else 10**6)]
+    real: list[Sequence | _Real] = [_Real("vtest", None, _VTEST_QUICK if settings.quick else _ALL)]
     if settings.sequences is not None:
         real += _folders(settings.sequences)
-    compared = _all_of([*real, *made], settings.seed)
+    jobs = [*real, *made]
+    compared = results_of(compare, [(job, settings.seed) for job in jobs], _done)
+    by_name = {job.name: figures for job, figures in zip(jobs, compared, strict=True)}
     return _outcome(
-        {job.name: compared[job.name] for job in made}, {job.name: compared[job.name] for job in real}, settings
+        {job.name: by_name[job.name] for job in made}, {job.name: by_name[job.name] for job in real}, settings
     )
 
 
@@ -131,62 +133,58 @@ def _folders(root: Path) -> list[_Real]:
     found = sorted(p.parent for p in root.glob("*/gt.txt"))
     if not found:
         raise ConfigError(f"--sequences: no folder with a gt.txt in {str(root)!r}")
-    return [_Real(folder.name, folder, 10**6) for folder in found]
+    return [_Real(folder.name, folder, _ALL) for folder in found]
 
 
-def _all_of(jobs: list[Sequence | _Real], seed: int) -> dict[str, dict[str, Evaluation]]:
-    compared = {}
-    with ProcessPoolExecutor(min(os.cpu_count() or 1, 8), multiprocessing.get_context("spawn")) as pool:
-        waiting = {pool.submit(compare, job, seed): job for job in jobs}
-        for done, future in enumerate(as_completed(waiting), 1):
-            compared[waiting[future].name] = future.result()
-            _show(done, len(jobs))
-    return compared
-
-
-def _show(done: int, total: int) -> None:
-    """A bar on a terminal, a line a sequence elsewhere."""
-    if sys.stderr.isatty():
-        bar = "#" * (40 * done // total)
-        print(f"\r  [{bar:40}] {done} sequences", end="\n" if done == total else "", file=sys.stderr, flush=True)
-    else:
-        print(f"  {done} of {total} sequences", file=sys.stderr, flush=True)
+def _done(part: Part, figures: Compared) -> str:
+    return f"{part[0].name}: fusion {_success(figures[_FUSION]):.3f}"
 
 
 def _success(one: Evaluation) -> float:
     return one.figures()["success_centre"]
 
 
-def _outcome(
-    made: dict[str, dict[str, Evaluation]], real: dict[str, dict[str, Evaluation]], settings: Settings
-) -> Outcome:
+def _lead(one: Compared) -> float:
+    """Success of the fusion less that of the best member of the same sequence."""
+    return _success(one[_FUSION]) - max(_success(figures) for name, figures in one.items() if name != _FUSION)
+
+
+def _outcome(made: dict[str, Compared], real: dict[str, Compared], settings: Settings) -> Outcome:
     names = list(next(iter(made.values())))
-    members = [name for name in names if name != _FUSION]
     means = {name: float(np.mean([_success(one[name]) for one in made.values()])) for name in names}
-    best = max(members, key=lambda name: means[name])
-    margins = {
-        sequence: _success(one[_FUSION]) - max(_success(one[m]) for m in members) for sequence, one in made.items()
+    best = max((name for name in names if name != _FUSION), key=lambda name: means[name])
+    leads = {sequence: _lead(one) for sequence, one in made.items()}
+    summary = {
+        "fraction_at_least_best_member": float(np.mean([lead >= -_TIE for lead in leads.values()])),
+        "margin_over_best_member": means[_FUSION] - means[best],
     }
-    results = {f"success_{name.replace('-', '_')}": mean for name, mean in means.items()}
-    results["fraction_at_least_best_member"] = float(np.mean([m >= -_TIE for m in margins.values()]))
-    results["margin_over_best_member"] = means[_FUSION] - means[best]
+    results = {f"success_{_word(name)}": mean for name, mean in means.items()} | summary
     for sequence, one in real.items():
-        for name in names:
-            results[f"success_{sequence}_{name.replace('-', '_')}"] = _success(one[name])
-    table = [f"  {'success':26}" + "".join(f"{name:>10}" for name in names) + "    fusion less best"]
-    for sequence, one in (made | real).items():
-        cells = "".join(f"{_success(one[name]):10.3f}" for name in names)
-        lead = _success(one[_FUSION]) - max(_success(one[m]) for m in members)
-        kind = "" if sequence in made else "   real"
-        table.append(f"  {sequence:26}{cells}{lead:+12.3f}{kind}")
-    table.append(f"  {'mean of the rendered':26}" + "".join(f"{means[name]:10.3f}" for name in names))
-    for name in ("fraction_at_least_best_member", "margin_over_best_member"):
-        table.append(f"  {name:34} {results[name]:.3f}")
+        results |= {f"success_{sequence}_{_word(name)}": _success(one[name]) for name in names}
     if settings.plots is not None:
         from benchmarks.fusion_plot import draw
 
-        draw(made, margins, settings.plots / "fusion.png")
-    return Outcome(results, {"name": f"best member alone, {best}", "success": means[best]}, table=tuple(table))
+        draw(made, leads, settings.plots / "fusion.png")
+    baseline = {"name": f"best member alone, {best}", "success": means[best]}
+    return Outcome(results, baseline, table=(*_table(made, real, means), *_summary_lines(summary)))
+
+
+def _word(name: str) -> str:
+    return name.replace("-", "_")
+
+
+def _table(made: dict[str, Compared], real: dict[str, Compared], means: dict[str, float]) -> Iterator[str]:
+    """A line a sequence with the success of each tracker, and one of their means over the rendered ones."""
+    yield f"  {'success':26}" + "".join(f"{name:>10}" for name in means) + "    fusion less best"
+    for sequence, one in (made | real).items():
+        cells = "".join(f"{_success(one[name]):10.3f}" for name in means)
+        yield f"  {sequence:26}{cells}{_lead(one):+12.3f}{'' if sequence in made else '   real'}"
+    yield f"  {'mean of the rendered':26}" + "".join(f"{mean:10.3f}" for mean in means.values())
+
+
+def _summary_lines(summary: dict[str, float]) -> Iterator[str]:
+    for name, value in summary.items():
+        yield f"  {name:34} {value:.3f}"
 
 
 BENCHMARK = Benchmark("fusion", "each tracker alone and the fusion, on rendered and real sequences", run)

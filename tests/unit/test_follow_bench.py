@@ -14,7 +14,7 @@ from benchmarks.follow import run
 from benchmarks.follow_depth import DepthEye
 from benchmarks.follow_ground import Course, depth_patch
 from benchmarks.follow_scene import Hall, Lens, Light, Thing, camera, hidden_share
-from benchmarks.follow_score import Score, four_distance, overlap
+from benchmarks.follow_score import Score
 from benchmarks.follow_solids import bin_, person, pillar
 from common.config import ConfigError
 from common.geometry.rotation import quat_from_euler
@@ -196,12 +196,6 @@ def test_a_target_counts_as_lost_after_two_seconds() -> None:
     for _ in range(120):
         hidden.note(truth, 0.9, None)
     assert not hidden.lost, "nobody sees what is hidden"
-
-
-def test_overlap_and_distance_of_boxes() -> None:
-    a, b = (0.0, 0.0, 10.0, 10.0), (5.0, 0.0, 10.0, 10.0)
-    assert overlap(a, b) == pytest.approx(1 / 3) and overlap(a, (20.0, 0.0, 5.0, 5.0)) == 0.0
-    assert four_distance(a, (3.0, 4.0, 10.0, 10.0)) == 5.0
 
 
 def test_an_unknown_platform_is_named() -> None:
