@@ -19,7 +19,7 @@ from common.geometry.rotation import quat_from_euler
 from common.tracking.base import Box, Tracker
 from onboard.follow.robot import RobotFollower
 from onboard.follow.unicycle import UnicycleConfig
-from onboard.fusion.depth import DepthConfig
+from onboard.fusion.config import DepthConfig
 from onboard.fusion.tracker import HabDfTracker
 
 RATE_HZ = 30.0

@@ -21,7 +21,7 @@ from onboard.follow.config import FollowConfig
 from onboard.follow.law import Vehicle
 from onboard.follow.steering import Steering
 from onboard.fusion.center import SEVERAL
-from onboard.fusion.depth import DepthConfig
+from onboard.fusion.config import DepthConfig
 from onboard.fusion.tracker import HabDfTracker
 from onboard.helm.arbiter import HOVER, Verdict
 from onboard.helm.config import HelmConfig

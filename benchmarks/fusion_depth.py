@@ -10,7 +10,8 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from benchmarks.base import Benchmark, Outcome, Settings
-from onboard.fusion.depth import DepthConfig, DepthFusion, size_ratio
+from onboard.fusion.config import DepthConfig
+from onboard.fusion.depth import DepthFusion, size_ratio
 from onboard.fusion.motion import MotionFilter
 
 _RATE_HZ = 30.0

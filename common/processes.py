@@ -123,7 +123,7 @@ SECTIONS: dict[str, str] = {
     "search": "onboard.search.config:SearchConfig",
     "approach": "onboard.approach.config:ApproachConfig",
     "follow": "onboard.follow.config:FollowConfig",
-    "depth": "onboard.fusion.depth:DepthConfig",
+    "depth": "onboard.fusion.config:DepthConfig",
     "tracker": "common.tracking.config:ParticleFilterConfig",
     "dsst": "common.tracking.dsst_config:DsstConfig",
     "cmt": "common.tracking.cmt_config:CmtConfig",

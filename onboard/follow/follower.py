@@ -17,8 +17,7 @@ from onboard.follow.config import FollowConfig
 from onboard.follow.law import Vehicle
 from onboard.follow.steering import Steering
 from onboard.fusion.center import SEVERAL, Fused
-from onboard.fusion.config import FusionConfig, HabDfConfig
-from onboard.fusion.depth import DepthConfig
+from onboard.fusion.config import DepthConfig, FusionConfig, HabDfConfig
 from onboard.fusion.live import LiveHabDf
 from onboard.fusion.members import MemberPool
 from onboard.proximity.pose import Pose

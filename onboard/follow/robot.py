@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from common.geometry.camera import Camera
 from common.tracking.base import Box
 from onboard.follow.unicycle import Drive, UnicycleConfig, UnicycleLaw
-from onboard.fusion.depth import DepthConfig, DepthFusion
+from onboard.fusion.config import DepthConfig
+from onboard.fusion.depth import DepthFusion
 from onboard.fusion.foreseen import Foreseen
 from onboard.fusion.motion import MotionFilter
 

@@ -12,7 +12,8 @@ from common.geometry.rotation import quat_conjugate, quat_multiply, quat_rotate
 from common.tracking.base import Box, center_of
 from onboard.follow.config import FollowConfig
 from onboard.follow.law import TargetState
-from onboard.fusion.depth import DepthConfig, DepthFusion, size_ratio
+from onboard.fusion.config import DepthConfig
+from onboard.fusion.depth import DepthFusion, size_ratio
 from onboard.fusion.motion import MotionFilter
 from onboard.proximity.pose import Pose
 

@@ -15,7 +15,7 @@ from onboard.follow.config import FollowConfig
 from onboard.follow.law import FollowLaw, Vehicle
 from onboard.follow.sight import Sight, TargetPlace, in_camera, in_ned, looks_ahead, whole_from_m
 from onboard.follow.solid import Solid
-from onboard.fusion.depth import DepthConfig
+from onboard.fusion.config import DepthConfig
 from onboard.fusion.foreseen import Foreseen, core_of
 from onboard.proximity.pose import Pose
 

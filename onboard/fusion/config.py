@@ -1,4 +1,7 @@
-"""Settings of the fusion of several sources (`[fusion]` of the vehicle file)."""
+"""Settings of the fusion (`[fusion]`, `[hab_df]` and `[depth]` of the vehicle file).
+
+Every process reads all settings, so nothing is imported here that takes its time, as filterpy does.
+"""
 
 from __future__ import annotations
 
@@ -112,3 +115,28 @@ class HabDfConfig(Section, frozen=True, kw_only=True):
             check_name(name, "members")
         if len(set(self.members)) != len(self.members) or "hab-df" in self.members:
             raise ConfigError(f"members: got {list(self.members)}, expected different trackers, hab-df not among them")
+
+
+class DepthConfig(Section, frozen=True, kw_only=True):
+    """Reliability and noise of the two ways to measure a distance."""
+
+    eta: Positive = 20.0
+    """η of eq. 3.12: steepness over the share of pixels without depth (section 3.6)."""
+    zeta: Positive = 12.0
+    """ζ of eq. 3.12: it switches where a share ζ/η, 0.6, of the pixels has no depth (section 3.6)."""
+    kappa: Positive = 1.0
+    """κ of eqs 3.14 and 3.15, m² (the thesis: 100 in its own units): variance of the way that is not to be trusted."""
+    tof_noise_m: Positive = 0.01
+    """Standard deviation of the time-of-flight distance within its range, m: the floor of eq. 3.14."""
+    scale_noise: Positive = 0.04
+    """Standard deviation of the distance from the size, relative: the floor of eq. 3.15, which printed reaches zero."""
+    pixel_noise_px: Positive = 2.0
+    """Standard deviation of the target's place in the picture, px."""
+    acceleration_m_s: Positive = 0.6
+    """Root of the spectral density of the distance's random acceleration, m/s^1.5."""
+    acceleration_px_s: Positive = 150.0
+    """The same of the place in the picture, px/s^1.5."""
+    reliable: Fraction = 0.1
+    """R_ζ up to which a time-of-flight distance teaches the scale K_z."""
+    least_gain: Fraction = 0.002
+    """Share with which each further one refines K_z after the first five hundred: a box errs slowly."""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ast
+import subprocess
+import sys
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -82,6 +84,8 @@ NOT_FOR_ALGORITHMS = {
 # Settings that a library reads when it is first imported have to stand before that import.
 RUNS_AT_IMPORT = ("common/__init__.py", "simulation/world/gl.py")
 """What libraries look up once, while they are loaded, must be set before that."""
+# They take half a second of a core and 70 MB each, and every process of a vehicle reads all settings.
+SLOW_TO_LOAD = ("scipy", "filterpy", "numba", "matplotlib", "mavsdk", "mujoco", "viser")
 LONGEST_FILE = 400
 LONGEST_FUNCTION = 70
 
@@ -215,3 +219,14 @@ def test_nothing_runs_at_import(module: str) -> None:
         condition = ast.unparse(node.test) if isinstance(node, ast.If) else ""
         assert documentation or condition in ("__name__ == '__main__'", "TYPE_CHECKING"), f"line {node.lineno}"
     assert not tree_of(module).body or ast.get_docstring(tree_of(module)), "begins with a docstring"
+
+
+def test_commands_and_settings_load_nothing_slow() -> None:
+    """By their own process: this one has loaded everything already."""
+    script = (
+        "import sys, common.cli; from common.processes import load_config; load_config('kite'); print(*sys.modules)"
+    )
+    loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=ROOT)
+
+    slow = {name.split(".")[0] for name in loaded.stdout.split()} & set(SLOW_TO_LOAD)
+    assert not slow, "import it where it is used, or put the settings into a module of their own"

@@ -11,7 +11,7 @@ from benchmarks.follow_scene import camera
 from common.tracking.base import Box
 from onboard.follow.robot import RobotFollower
 from onboard.follow.unicycle import UnicycleConfig
-from onboard.fusion.depth import DepthConfig
+from onboard.fusion.config import DepthConfig
 
 EYE = camera(320, 240, math.radians(60.0))
 STEP_NS = 33_333_333

@@ -14,7 +14,7 @@ from onboard.follow.config import FollowConfig
 from onboard.follow.law import Vehicle
 from onboard.follow.sight import TargetPlace, whole_from_m
 from onboard.follow.steering import Steering
-from onboard.fusion.depth import DepthConfig
+from onboard.fusion.config import DepthConfig
 from onboard.proximity.pose import Pose
 
 EYE_M, TALL_M, G = 1.5, 1.75, 9.81

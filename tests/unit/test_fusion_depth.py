@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from onboard.fusion.depth import DepthConfig, DepthEstimate, DepthFusion, size_ratio, tof_distance, unreliability
+from onboard.fusion.config import DepthConfig
+from onboard.fusion.depth import DepthEstimate, DepthFusion, size_ratio, tof_distance, unreliability
 
 IMAGE_PX = (320.0, 240.0)
 CENTER_PX = (160.0, 120.0)
