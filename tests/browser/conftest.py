@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import signal
@@ -16,7 +15,7 @@ from urllib.error import HTTPError
 
 import msgspec
 import pytest
-from playwright.sync_api import Browser, TimeoutError
+from playwright.sync_api import Browser
 
 from common.session import BusConfig, open_router
 from tests.browser.script import Script
@@ -154,10 +153,9 @@ def view(long_lived_view: View, console: Console, vehicle: ScriptedVehicle) -> V
     ):
         if button.count():
             button.first.click()
-    notes = page.locator(".mantine-Notification-closeButton")
-    while notes.count():
-        with contextlib.suppress(TimeoutError):  # it closed by itself meanwhile
-            notes.first.click(timeout=500)
+    notes = ".mantine-Notification-closeButton"
+    page.evaluate(f"() => document.querySelectorAll('{notes}').forEach((button) => button.click())")
+    wait_for(lambda: page.locator(notes).count() == 0, what="the last test's notes gone")
     long_lived_view.wait_text("hovering at the anchor")
     wait_for(lambda: page.locator(".hud").count() == 0, what="the last test's obstacles gone")
     vehicle.commands.clear()

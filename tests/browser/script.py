@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from threading import Event
 from typing import Literal
 
 from common.messages import (
@@ -87,5 +88,5 @@ class Script:
     """Picture of each person, JPEG."""
     replies: dict[str, Reply] = field(default_factory=dict)
     """Answer to each command; `done` where there is none."""
-    delays_s: dict[str, float] = field(default_factory=dict)
-    """How long each command takes, s."""
+    held: dict[str, Event] = field(default_factory=dict)
+    """Commands that take until the test says so."""

@@ -36,6 +36,8 @@ from common.topics import COMMANDS, health_topic
 from tests.browser.script import Script
 from tests.flying import flying
 
+_LONGEST_S = 60.0
+"""How long a held command waits for its test, s."""
 NODES = ("camera", "follow", "helm", "people", "pursuit", "recorder", "world")
 
 
@@ -103,8 +105,11 @@ class ScriptedVehicle:
     def _answer(self, query: Query) -> None:
         self.commands.append((query.name, query.command))
         reply = self.script.replies.get(query.name, Reply(outcome="done"))
-        # The callback runs in the bus's thread: a slow answer there would hold up every other command.
-        threading.Timer(self.script.delays_s.get(query.name, 0.0), query.reply, (reply,)).start()
+        held = self.script.held.get(query.name)
+        if held is None:
+            query.reply(reply)
+        else:  # the callback runs in the bus's thread: to wait there would hold up every other command
+            threading.Thread(target=lambda: held.wait(_LONGEST_S) and query.reply(reply), daemon=True).start()
 
     def _run(self) -> None:
         tick = 0
