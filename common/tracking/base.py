@@ -172,6 +172,24 @@ class Placeable(Tracker, Protocol):
         ...
 
 
+def put(tracker: Tracker, frame: np.ndarray, box: Box, t_ns: int) -> None:
+    """Let a tracker go on from a box in this picture, or start it there if it cannot be moved.
+
+    Args:
+        tracker: any.
+        frame: the picture, (H, W, 3) uint8 BGR.
+        box: upright, px.
+        t_ns: capture stamp of the picture, ns.
+
+    Raises:
+        ValueError: a box that is not in the picture.
+    """
+    if isinstance(tracker, Placeable):
+        tracker.place(frame, box)
+    else:
+        tracker.init(frame, box, 0.0, t_ns)
+
+
 def check_frame(frame: np.ndarray, shape: tuple[int, ...] | None = None) -> None:
     """Raise ValueError unless this is a colour picture, of the given shape (H, W, 3) when there is one."""
     if not isinstance(frame, np.ndarray) or frame.ndim != 3 or frame.shape[2] != 3 or frame.dtype != np.uint8:

@@ -16,11 +16,15 @@ if TYPE_CHECKING:
     from onboard.follow.follower import Follower
 
 _KEPT = 16
+"""Pictures that are kept: at 20 Hz 0.8 s of them, in which an operator's box must come."""
 _LATEST_NS = 100_000_000
+"""How far from the stamp that a box names its picture may be, ns."""
 _EVERY_NS = 90_000_000
-"""Of the pictures that wait for the trackers ten a second are enough."""
+"""Of the pictures that wait for the trackers ten a second are enough, ns."""
 _WAITING_S = 12.0
+"""How long a command waits for the trackers to come up, s: on a busy machine that takes seconds."""
 _AT_ONCE_S = 0.5
+"""How long the node's loop may be held at once while they catch up, s."""
 
 
 class Picture(NamedTuple):

@@ -20,7 +20,9 @@ from onboard.follow.gains import pd_gains
 
 Array = NDArray[np.float64]
 _LEAST_LEVEL_M = 0.3
-_LONGEST_STEP_S = 0.2
+"""Level distance below which there is no direction to face the target in, m."""
+_FIRST_STEP_S, _LONGEST_STEP_S = 0.05, 0.2
+"""Time that the first request has for its change of velocity, a picture's period, and the most that any has, s."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ class TargetState:
 
 
 class FollowLaw:
-    """Keeps the vehicle above a target, or before it, as it was when it was chosen.
+    """Keeps the vehicle above a target, or before it, as it was when the target was chosen.
 
     Args:
         config: poles and limits.
@@ -118,7 +120,7 @@ class FollowLaw:
         """Velocity along the line to the target (2,), m/s, and the turn that faces it, rad/s."""
         level_m = float(np.hypot(*apart[:2]))
         if level_m < _LEAST_LEVEL_M or self._distance_m is None:
-            return np.zeros(2), 0.0  # above it there is no direction to face
+            return np.zeros(2), 0.0
         towards = apart[:2] / level_m
         bearing = wrap_angle(math.atan2(apart[1], apart[0]) - vehicle.yaw_rad)
         # θ' = (r_n r_e' - r_e r_n') / r²
@@ -148,7 +150,7 @@ class FollowLaw:
         """The velocity (2,) within speed and slew; the first begins at the vehicle's own."""
         config = self._config
         last = vehicle.ned_v_m_s[:2] if self._asked is None else self._asked
-        dt_s = 0.05 if self._asked is None else min(max((t_ns - self._asked_ns) / 1e9, 0.0), _LONGEST_STEP_S)
+        dt_s = _FIRST_STEP_S if self._asked is None else min(max((t_ns - self._asked_ns) / 1e9, 0.0), _LONGEST_STEP_S)
         self._asked = last + _capped(_capped(level, config.speed_m_s) - last, config.slew_m_s2 * dt_s)
         self._asked_ns = t_ns
         return float(self._asked[0]), float(self._asked[1])

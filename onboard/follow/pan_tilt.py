@@ -9,6 +9,7 @@ from common.config import ConfigError, NonNegative, Positive, Section
 from onboard.follow.gains import PidGains, pid_gains
 
 _LONGEST_STEP_S = 0.2
+"""Longest time that one step turns for, s: after a gap the servos do not jump."""
 
 
 class PanTiltConfig(Section, frozen=True, kw_only=True):
@@ -116,5 +117,6 @@ class PanTiltLaw:
 
 
 def _moved(pid: Pid, position_rad: float, error_rad: float, dt_s: float, limit_rad: float) -> float:
+    """Where one servo is commanded to next, rad, within its limit."""
     held = abs(position_rad) >= limit_rad and position_rad * error_rad > 0.0
     return min(max(position_rad + dt_s * pid.ask(error_rad, dt_s, held), -limit_rad), limit_rad)

@@ -19,10 +19,18 @@ from onboard.proximity.pose import Pose
 
 Array = NDArray[np.float64]
 _LEAST_HEIGHT_M = 0.3
+"""Least height above the target, or the ground, from which a ray says where it ends, m."""
 _GRAVITY_M_S2 = 9.81
 _LONGEST_GAP_S = 3.0
+"""Time without a place after which what was known of the target's motion is forgotten, s."""
 _START_M_S = 1.0
-_STEEP = 0.7  # the optical axis is more down than this: below; its down component, 45 degrees
+"""Standard deviation of the target's unknown velocity at the start, m/s: a walk."""
+_STEEP = 0.7
+"""Down component of the optical axis, 45 degrees, from which on a camera looks more down than ahead."""
+_MEASURED = 0.5
+"""Least share of the target's pixels with a depth for the first distance to be the depth camera's."""
+_LEAST_DOWN = 0.02
+"""Least down component of the ray to the target's foot, whose z is 1, for it to meet the ground."""
 
 
 def looks_ahead(camera: Camera) -> bool:
@@ -58,17 +66,21 @@ def whole_from_m(camera: Camera, box: Box, pose: Pose, level_m: float, accelerat
     return least_m
 
 
+def eye_of(camera: Camera, pose: Pose) -> Array:
+    """Where the vehicle's camera is, (3,), NED, m."""
+    return pose.ned_p_m + quat_rotate(pose.ned_q_body, np.array(camera.body_p_camera_m))
+
+
 def in_camera(camera: Camera, pose: Pose, ned_p_m: Array) -> Array:
     """A place (3,), NED, m, in the optical frame of the vehicle's camera, (3,), m; its z is along the optical axis."""
-    eye = pose.ned_p_m + quat_rotate(pose.ned_q_body, np.array(camera.body_p_camera_m))
     turn = quat_conjugate(quat_multiply(pose.ned_q_body, camera.body_q_camera))
-    return quat_rotate(turn, ned_p_m - eye)
+    return quat_rotate(turn, ned_p_m - eye_of(camera, pose))
 
 
 def in_ned(camera: Camera, pose: Pose, camera_p_m: Array) -> Array:
     """The place (3,), NED, m, of one in the optical frame of the vehicle's camera, (3,), m."""
-    eye = pose.ned_p_m + quat_rotate(pose.ned_q_body, np.array(camera.body_p_camera_m))
-    return eye + quat_rotate(pose.ned_q_body, quat_rotate(camera.body_q_camera, camera_p_m))
+    turned = quat_rotate(pose.ned_q_body, quat_rotate(camera.body_q_camera, camera_p_m))
+    return eye_of(camera, pose) + turned
 
 
 class Sight:
@@ -101,7 +113,7 @@ class Sight:
             depth_m: depth inside the box, (h, w), m, 0 for none; None without a depth camera.
         """
         centre = center_of(box)
-        eye = pose.ned_p_m + quat_rotate(pose.ned_q_body, np.array(self._camera.body_p_camera_m))
+        eye = eye_of(self._camera, pose)
         if self.ahead:
             return self._faced(t_ns, box, centre, eye, pose, depth_m)
         return self._below(t_ns, box, centre, eye, pose)
@@ -140,11 +152,11 @@ class Sight:
         """Distance along the optical axis at the start, m, where the depth camera does not give it."""
         if self._config.distance_m > 0.0:
             return self._config.distance_m
-        if depth_m is not None and depth_m.size and float((depth_m > 0).mean()) > 0.5:
+        if depth_m is not None and depth_m.size and float((depth_m > 0).mean()) > _MEASURED:
             return None  # measured: the first depth itself teaches the scale
         foot = self._camera.rays([(box[0] + box[2] / 2, box[1] + box[3])])[0]
         ned = quat_rotate(pose.ned_q_body, quat_rotate(self._camera.body_q_camera, foot))
-        if ned[2] < 0.02 or eye[2] >= -_LEAST_HEIGHT_M:
+        if ned[2] < _LEAST_DOWN or eye[2] >= -_LEAST_HEIGHT_M:
             return None
         return -float(eye[2]) / float(ned[2])  # the ray has z = 1 along the axis
 

@@ -10,6 +10,8 @@ from common.config import Fraction, NonNegative, Positive, Section
 from onboard.follow.gains import pd_gains
 
 Axis = Literal["turn", "drive"]
+_MOST_ASIDE_RAD = 1.5
+"""Bearing that is still a column, rad: the tangent has no end at a right angle."""
 
 
 class UnicycleConfig(Section, frozen=True, kw_only=True):
@@ -105,7 +107,9 @@ class UnicycleLaw:
         if not all(map(math.isfinite, given)):
             raise ValueError(f"unicycle: got {given}, expected finite bearing, distance and rates")
         config = self._config
-        aside = math.tan(min(max(bearing_rad, -1.5), 1.5)) / self._edge * 0.5 / config.column_range
+        # As a share of the picture's width: its edge is half of it.
+        column = 0.5 * math.tan(min(max(bearing_rad, -_MOST_ASIDE_RAD), _MOST_ASIDE_RAD)) / self._edge
+        aside = column / config.column_range
         away = (distance_m - self._distance_m) / config.distance_range_m
         self.axis = self._chosen(min(abs(aside), 1.0), min(abs(away), 1.0))
         turn, speed = own[1] + bearing_rate_rad_s, own[0] - closing_m_s  # the target's own

@@ -16,7 +16,9 @@ from onboard.fusion.pictures import PictureFusion, may_move
 
 log = logging.getLogger(__name__)
 _IDLE_S = 0.5
+"""How long answers are waited for where nothing is flown by them yet, s."""
 _RECENT_NS = 250_000_000
+"""How old what a tracker said last may be to be its word, ns: five pictures at 20 Hz."""
 
 
 class LiveHabDf:
@@ -131,12 +133,13 @@ class LiveHabDf:
             return  # the box leaves the picture: there is nothing to start on yet
         boxes = self.member_boxes(t_ns)
         for name, member in self.pool.members.items():
-            recent = t_ns - self._wanted.get(name, -(10**18)) < 1e9 * self._config.restart_every_s
+            wanted_ns = self._wanted.get(name)
             if not member.started:
                 if member.ask(Ask("init", t_ns, frame.shape, box), frame):
                     fusion.put(name)
             elif (
-                recent
+                wanted_ns is not None
+                and t_ns - wanted_ns < 1e9 * self._config.restart_every_s
                 and may_move(boxes[name] is not None and name not in fusion.astray, fused, box, frame.shape)
                 and member.ask(Ask("place", t_ns, frame.shape, box), frame)
             ):

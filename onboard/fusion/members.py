@@ -19,7 +19,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from common.config import Config
-from common.tracking.base import Box, Expectation, TrackResult
+from common.tracking.base import Box, Expectation, Tracker, TrackResult, put
 from common.tracking.registry import TRACKERS
 from onboard.fusion.camera_motion import tell
 
@@ -27,8 +27,11 @@ log = logging.getLogger(__name__)
 _FORKS = multiprocessing.get_context("forkserver")
 """One server imports and compiles once for all; it has no thread, so that a fork of it is whole."""
 _END_S = 1.0
+"""How long the end of a process is waited for, s."""
 _READY_S = 30.0
+"""How long one may take to come up, s: the first time trackers are compiled."""
 _PROMPT_S = 0.15
+"""For how long an open question is waited for at all, s: who is slower holds up no picture."""
 
 Order = Literal["init", "update", "place"]
 
@@ -76,23 +79,24 @@ def serve(name: str, config: Config, seed: Sequence[int], memory: Any, connectio
             # A tracker may keep the picture; the memory holds the next one soon.
             frame = pixels[: int(np.prod(ask.shape))].reshape(ask.shape).copy()
             connection.send(_answer(tracker, ask, frame))
-    except (EOFError, BrokenPipeError, ConnectionResetError):
-        return
+    except (EOFError, OSError):
+        return  # the other side closed, or is no more
 
 
-def _answer(tracker: Any, ask: Ask, frame: np.ndarray) -> Answer:
+def _answer(tracker: Tracker, ask: Ask, frame: np.ndarray) -> Answer:
+    """What a tracker makes of a question; one that fails is one that does not see."""
     try:
-        if ask.order == "init":
-            tracker.init(frame, ask.box, 0.0, ask.t_ns)
-        elif ask.order == "place" and hasattr(tracker, "place"):
-            tracker.place(frame, ask.box)
-        elif ask.order == "place":
-            tracker.init(frame, ask.box, 0.0, ask.t_ns)
-        else:
+        if ask.order == "update":
             if ask.expected is not None:
                 tell(tracker, ask.expected)
             return Answer(ask.t_ns, tracker.update(frame, ask.t_ns))
-    except Exception as error:  # noqa: BLE001  a tracker that fails is one that does not see; the others go on
+        if ask.box is None:
+            raise ValueError(f"{ask.order}: got no box, expected x, y, width, height in px")
+        if ask.order == "init":
+            tracker.init(frame, ask.box, 0.0, ask.t_ns)
+        else:
+            put(tracker, frame, ask.box, ask.t_ns)
+    except Exception as error:  # noqa: BLE001  the other trackers go on
         return Answer(ask.t_ns, None, f"{type(error).__name__}: {error}")
     return Answer(ask.t_ns, None)
 
@@ -160,7 +164,7 @@ class Member:
         self._pixels[: frame.size] = frame.reshape(-1)
         try:
             self._connection.send(ask)
-        except (BrokenPipeError, ConnectionResetError, OSError):
+        except OSError:
             self._gone = True
             return False
         self._asked_ns = time.monotonic_ns()
@@ -174,7 +178,7 @@ class Member:
             if not self._connection.poll(0):
                 return None
             answer: Answer = self._connection.recv()
-        except (EOFError, ConnectionResetError, OSError):
+        except (EOFError, OSError):
             self._gone = True  # `tend` begins it anew
             return None
         self._asked_ns = 0

@@ -10,12 +10,12 @@ from common.config import Config
 from common.tracking.base import (
     Box,
     Expectation,
-    Placeable,
     Tracker,
     TrackResult,
     TrackState,
     check_box,
     check_frame,
+    put,
     upright_around,
 )
 from onboard.fusion.camera_motion import tell
@@ -53,6 +53,7 @@ class HabDfTracker:
         self._fusion: PictureFusion | None = None
         self._outline, self._outlines = Outline(), outline
         self._told = False
+        self._foreseen: Foreseen | None = None
 
     @classmethod
     def make(cls, config: Config, rng: np.random.Generator) -> HabDfTracker:
@@ -106,9 +107,8 @@ class HabDfTracker:
         if box is None:
             return next(iter(self.answers.values()))
         if fusion.kept is not None:
-            self._put(
-                fusion, frame, fusion.kept, [n for n, said in self.answers.items() if said.state == "tracking"], t_ns
-            )
+            seeing = [name for name, said in self.answers.items() if said.state == "tracking"]
+            self._put(fusion, frame, fusion.kept, seeing, t_ns)
         elif fusion.vouched:
             self._restart(fusion, frame, box, fused, t_ns)
         x, y, width, height = self._outlined(fusion, box, fused) if self._outlines else box
@@ -139,12 +139,8 @@ class HabDfTracker:
 
     def _put(self, fusion: PictureFusion, frame: np.ndarray, box: Box, names: Iterable[str], t_ns: int) -> None:
         for name in names:
-            member = self.members[name]
             try:
-                if isinstance(member, Placeable):
-                    member.place(frame, box)
-                else:
-                    member.init(frame, box, 0.0, t_ns)
+                put(self.members[name], frame, box, t_ns)
             except ValueError:
                 continue  # the box leaves the picture: there is nothing to start on yet
             fusion.put(name)
