@@ -22,18 +22,21 @@ from common.geometry.rotation import quat_from_euler, quat_multiply
 
 RATE_HZ = 30.0
 HALF_M = (16.0, 16.0)
+"""From the middle of the hall to its walls north and east, m."""
 START_M = 3.0
+"""How far ahead of the vehicle he is at the start, m."""
 OWN = {"turn": 4.0, "lean": 3.5, "size": 6.0, "aside": 4.0}
 """What he and the vehicle do, and how long it lasts, s."""
 AROUND = {"screen": 4.0, "crossing": 3.0, "companion": 6.0, "light": 6.0, "shake": 3.0}
 """What happens around them, and how long it lasts, s."""
 KINDS = {**OWN, **AROUND}
 """All of it."""
-_FIRST_S = 3.0
-_PAUSE_S = 0.5
-_ASIDE_S = 1.0
-_OPERATORS_TURN_RAD_S = 0.8
+_FIRST_S, _PAUSE_S = 3.0, 0.5
+"""When the rows begin, and the mean pause between two of one, s."""
+_ASIDE_S, _OPERATORS_TURN_RAD_S = 1.0, 0.8
+"""How long and how fast the operator's stick turns the vehicle: he leaves a picture of 70 degrees."""
 _SHAKE_RAD_S = 2.0 * math.pi * 5.0
+"""Angular frequency of the shaking mount, rad/s."""
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ from simulation.world.depth_config import DepthNoiseConfig
 from simulation.world.depth_noise import DepthNoise
 
 _RANGE_M = (0.3, 8.0)
-_NOISE = DepthNoiseConfig(
-    noise_m=0.004, noise_per_m=0.0008, edge_m=0.2, flying=0.3, edge_holes=0.2, holes=0.03
-)  # a Kinect v2 outdoors, as in the scenarios
+"""Least and largest depth that it reads, m: that of the vehicle `heron`."""
+_NOISE = DepthNoiseConfig(noise_m=0.004, noise_per_m=0.0008, edge_m=0.2, flying=0.3, edge_holes=0.2, holes=0.03)
+"""A Kinect v2 outdoors, as in the scenarios."""
 
 
 class DepthEye:

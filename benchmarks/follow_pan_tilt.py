@@ -21,7 +21,9 @@ RATE_HZ = 30.0
 TARGETS = ("face", "bin")
 _SIZE_PX, _FIELD_RAD = (320, 240), math.radians(60.0)
 _PLACE = np.array([0.0, 0.0, -1.2])
+"""Where the camera is, NED, m."""
 _SERVO_S = 0.06
+"""Lag of the servos behind what is commanded, s."""
 _STEP_RAD = 2 * math.pi / 4096
 """Step in which the servos tell their angles (Dynamixel MX-28)."""
 _CALM_S = 3.0

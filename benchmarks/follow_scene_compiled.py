@@ -12,7 +12,7 @@ from numba import njit
 )
 def cast(atlas, turn, eye, half, focal, centre, out):  # type: ignore[no-untyped-def]
     """Fill a picture (H, W, 3) with walls, floor and ceiling: the nearest plane that each ray meets."""
-    walls, floor, wide = 256, 512, 1024
+    walls, floor, wide = 256, 512, 1024  # rows of a wall, side of the floor, columns of a wall: `follow_scene`, px
     for v in range(out.shape[0]):
         y = (v - centre[1]) / focal
         for u in range(out.shape[1]):

@@ -15,6 +15,7 @@ from benchmarks.follow_course import RATE_HZ, Course
 from benchmarks.follow_depth import DepthEye
 from benchmarks.follow_scene import Lens, camera, hidden_share
 from benchmarks.follow_score import Score, box_of
+from common.geometry.camera import Camera
 from common.geometry.rotation import euler_from_quat
 from common.tracking.base import Box, Tracker
 from onboard.follow.config import FollowConfig
@@ -38,8 +39,11 @@ from simulation.autopilot.vehicle import SimulatedVehicle
 
 _SIZE_PX, _FIELD_RAD = (320, 240), math.radians(70.0)
 _EYE_M = 1.5
-_DOWN_RAD = math.radians(10.0)  # a person 4 m ahead has as much room below his feet as above his head
+"""Height of the camera in the hall, m."""
+_DOWN_RAD = math.radians(10.0)
+"""By how much it looks below the nose, rad: a person 4 m ahead has as much room below his feet as above his head."""
 _HEADROOM_M = 60.0
+"""Greatest height over home that the pilot allows, m: the hall is up in the air, where the vehicle hovers."""
 
 
 def depth_eye(seed: int) -> DepthEye:
@@ -78,10 +82,10 @@ class Quadrotor:
         """Its clock, ns."""
         return round(self._vehicle.t_s * 1e9)
 
-    def lens(self, camera_: object) -> Lens:
+    def lens(self, eye: Camera) -> Lens:
         """Where its camera truly is."""
         truth = self._vehicle.truth
-        return Lens(camera_, np.array(truth.ned_p_m) - self._origin, np.array(truth.ned_q_body))  # type: ignore[arg-type]
+        return Lens(eye, np.array(truth.ned_p_m) - self._origin, np.array(truth.ned_q_body))
 
     @property
     def turn_rad_s(self) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from benchmarks.base import Benchmark, Outcome, Settings
+from benchmarks.tof_sensor import RANGE_M, read_depths
 from onboard.fusion.config import DepthConfig
 from onboard.fusion.depth import DepthFusion, size_ratio
 from onboard.fusion.motion import MotionFilter
@@ -17,13 +18,14 @@ from onboard.fusion.motion import MotionFilter
 _RATE_HZ = 30.0
 _RUNS, _QUICK_RUNS = 40, 10
 _IMAGE_PX = (320.0, 240.0)
-_LIMIT_M = 1.0
-_FADE_M = 0.06
-"""Over about this distance around the limit the pixels lose their depth, m."""
 _PATCH = (12, 12)
+_SHARED_M = 0.005
+"""Standard deviation of the error that all pixels of a depth picture have, m."""
 _SIZE_NOISE, _SIZE_WANDER, _WANDER_S = 0.03, 0.03, 2.0
 """Relative error of a tracker's box: from picture to picture, and slowly wandering with a time constant, s."""
 _LEAST_NEAR, _NEAR_M = 15, 0.1
+"""Readings that a step of distance must have to count in the correlation, and how far within the sensor's range a
+reading is a good one, m."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,7 @@ def course(seed: tuple[int, int]) -> Course:
     share = np.interp(t_s, stops[:4], [0.0, 1.0, 1.0, 0.0])
     z_m = near + (far - near) * 0.5 * (1.0 - np.cos(np.pi * share))
     z_m += 0.02 * np.sin(2 * np.pi * t_s / rng.uniform(2.0, 4.0))
-    patches = np.array([_patch(rng, z) for z in z_m])
+    patches = np.array([read_depths(rng, np.full(_PATCH, z), _SHARED_M) for z in z_m])
     wander, keep = 0.0, math.exp(-1.0 / (_WANDER_S * _RATE_HZ))
     sizes = np.empty((len(z_m), 2))
     target_m, focal_px = rng.uniform(0.12, 0.25, 2), 250.0
@@ -59,23 +61,13 @@ def course(seed: tuple[int, int]) -> Course:
     return Course(np.round(t_s * 1e9).astype(np.int64), z_m, patches, np.maximum(sizes, 4.0))
 
 
-def _patch(rng: np.random.Generator, z_m: float) -> np.ndarray:
-    """Depths that the sensor reads: fewer and noisier pixels towards its limit, false ones beyond it."""
-    noise = 0.01 + 0.04 * (z_m / _LIMIT_M) ** 4
-    depths = z_m + noise * rng.normal(size=_PATCH) + 0.005 * rng.normal()
-    valid = rng.random(_PATCH) < 0.03 + 0.93 / (1.0 + math.exp((z_m - _LIMIT_M) / (_FADE_M / 2)))
-    false = rng.random(_PATCH) < 0.5 / (1.0 + math.exp(-(z_m - _LIMIT_M) / (_FADE_M / 2)))
-    depths = np.where(false, rng.uniform(0.3, 1.2, _PATCH), depths)
-    return np.where(valid, np.maximum(depths, 0.05), 0.0)
-
-
 def run(settings: Settings) -> Outcome:
     """Measure the distance over several courses with each way alone, and with both."""
     courses = [course((settings.seed, i)) for i in range(_QUICK_RUNS if settings.quick else _RUNS)]
     parts = [_estimates(one) for one in courses]
     z_m = np.concatenate([one.z_m for one in courses])
     answers = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    inside, beyond = z_m < _LIMIT_M, z_m >= _LIMIT_M
+    inside, beyond = z_m < RANGE_M, z_m >= RANGE_M
     regimes = {"": np.full(len(z_m), True), "_inside": inside, "_beyond": beyond}
     results = {
         f"rmse_{way}{regime}": float(np.sqrt(np.mean((answers[way] - z_m)[mask] ** 2)))
@@ -112,7 +104,7 @@ def _estimates(one: Course) -> dict[str, np.ndarray]:
     # Scale alone has K_z of the first reading, as in the thesis; a second one, for comparison, that of the whole
     # stretch within range, which nobody has while it lasts.
     ratios = np.array([size_ratio((w, h), _IMAGE_PX) for w, h in one.sizes_px])
-    near = one.z_m < _LIMIT_M - _NEAR_M
+    near = one.z_m < RANGE_M - _NEAR_M
     first, known = ratios * raw_tof[0] / ratios[0], ratios * float(np.mean(raw_tof[near] / ratios[near]))
     return {
         "fused": fused,
@@ -162,7 +154,7 @@ def _draw(one: Course, part: dict[str, np.ndarray], folder: Path) -> None:
     left.plot(frames, part["raw_scale"], lw=0.6, color="C2", label="scale (eq. 3.11)")
     left.plot(frames, part["fused"], lw=1.4, color="C0", label="fused")
     left.plot(frames, one.z_m, "k--", lw=1.0, label="truth")
-    left.axhline(_LIMIT_M, color="0.6", lw=0.8)
+    left.axhline(RANGE_M, color="0.6", lw=0.8)
     left.set(xlabel="frame", ylabel="m", title="distance (figure 3.11)")
     left.legend(fontsize=8)
     order = np.argsort(one.z_m)
