@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ground.console.config import ConsoleConfig
-from ground.console.snapshot import APPROACH, STATE, STATUS, Snapshot
+from ground.console.snapshot import APPROACH, FOLLOWED, STATE, STATUS, Snapshot
 
 Level = Literal["danger", "warning", "notice"]
 _ORDER: dict[Level, int] = {"danger": 0, "warning": 1, "notice": 2}
@@ -39,6 +39,7 @@ def alarms(view: Snapshot, config: ConsoleConfig) -> list[Alarm]:
         *_picture(view, config),
         *_nodes(view, config),
         *_target(view),
+        *_follow(view),
         *_approach(view),
         *_ground(view),
     ]
@@ -155,6 +156,21 @@ def _target(view: Snapshot) -> Iterator[Alarm]:
         yield Alarm("warning", f"Target lost{since}", "Draw a box around it, or press Hold.")
     elif view.track.state == "idle":
         yield Alarm("warning", "The chase has no target", "Draw a box around it, or press Hold.")
+
+
+def _follow(view: Snapshot) -> Iterator[Alarm]:
+    track = view.followed
+    if not view.following:
+        return
+    if track is None or not view.fresh(FOLLOWED):
+        yield Alarm("warning", "No word from the follower", "Helm hovers. Press Hold; it should come back by itself.")
+    elif track.state == "idle":
+        yield Alarm("warning", "Nothing is followed", "Helm hovers. Draw a box around what to follow, or press Hold.")
+    elif track.state == "lost":
+        since = f" for {view.followed_ago_ms / 1000:.1f} s" if view.followed_ago_ms >= 0 else ""
+        yield Alarm("warning", f"Followed target lost{since}", "Draw a box around it, or press Hold.")
+    elif view.status is not None and view.status.source == "helm":
+        yield Alarm("notice", "Helm hovers, though the target is seen", _sentence(view.status.reason, "Press Hold."))
 
 
 def _approach(view: Snapshot) -> Iterator[Alarm]:

@@ -10,7 +10,7 @@ from common.geometry.rotation import euler_from_quat
 from common.topics import health_topic, topic
 from ground.console.alarms import Alarm
 from ground.console.commands import LastCommand
-from ground.console.snapshot import APPROACH, SESSION, STATE, STATUS, TRACK, Snapshot
+from ground.console.snapshot import APPROACH, FOLLOWED, MEMBERS, SESSION, STATE, STATUS, TRACK, Snapshot
 
 _ZONE_CLASS = {"safe": "g", "warning": "o", "transition": "o", "collision": "r", "blind": "d"}
 _OUTCOME_CLASS = {"done": "g", "refused": "o", "failed": "r", "running": "b"}
@@ -115,9 +115,14 @@ def target_html(view: Snapshot, forward_m: float | None, right_m: float | None) 
         forward_m: how far ahead of the vehicle it is, m; None when unknown.
         right_m: how far to the right, m.
     """
+    return card("".join((*_chased_rows(view, forward_m, right_m), *_followed_rows(view))))
+
+
+def _chased_rows(view: Snapshot, forward_m: float | None, right_m: float | None) -> list[str]:
+    """What is known of the chase's target."""
     track = view.track
     if track is None or not view.fresh(TRACK):
-        return card(row("Target", '<span class="d">no word from the pursuit</span>'))
+        return [row("Target", '<span class="d">no word from the pursuit</span>')]
     look = {"tracking": "g", "lost": "o"}.get(track.state, "d")
     lines = [row("Target", f'<b class="{look}">{escape(track.state)}</b>')]
     if forward_m is not None and right_m is not None:
@@ -126,7 +131,22 @@ def target_html(view: Snapshot, forward_m: float | None, right_m: float | None) 
         lines.append(row("Colour distance", f"{track.distance:.2f}, lost above {track.distance_limit:.2f}"))
     if track.reason:
         lines.append(f'<div class="why">No request: {escape(track.reason)}</div>')
-    return card("".join(lines))
+    return lines
+
+
+def _followed_rows(view: Snapshot) -> list[str]:
+    """What is known of the follower's target; nothing where it has none."""
+    track = view.followed if view.fresh(FOLLOWED) else None
+    if track is None or track.state == "idle":
+        return []
+    look = "g" if track.state == "tracking" else "o"
+    lines = [row("Followed", f'<b class="{look}">{escape(track.state)}</b>')]
+    members = view.members.members if view.members is not None and view.fresh(MEMBERS) else ()
+    seeing = [member.name for member in members if member.box_px is not None]
+    lines.append(row("Seen by", escape(", ".join(seeing) or "no tracker")))
+    if track.reason:
+        lines.append(f'<div class="why">No request: {escape(track.reason)}</div>')
+    return lines
 
 
 def approach_html(view: Snapshot) -> str:

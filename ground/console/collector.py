@@ -83,7 +83,8 @@ class Collector:
         self._clock = ClockMap()
         self._clock_fed_ns = 0
         self._calibrations: dict[str, tuple[CameraInfo, Camera]] = {}
-        self._tracked_ns: int | None = None
+        self._tracked_ns: dict[str, int] = {}
+        """When the target was last seen by pursuit and follower, by topic."""
         self._faces: dict[int, bytes] = {}
         self._vehicle_at: tuple[int, int] | None = None
 
@@ -125,9 +126,10 @@ class Collector:
         for received_face in inputs.drain(FACES, PersonPicture):
             face = received_face.message
             self._faces = {**self._faces, face.number: face.jpeg}  # a snapshot may still show the old ones
-        track = inputs.peek(TRACK, Track)
-        if track is not None and track.message.state == "tracking":
-            self._tracked_ns = track.received_ns
+        for name in (TRACK, FOLLOWED):
+            track = inputs.peek(name, Track)
+            if track is not None and track.message.state == "tracking":
+                self._tracked_ns[name] = track.received_ns
 
     def _feed_clock(self, inputs: Inputs, picture: Received[Image] | None) -> None:
         """Learn the vehicle's clock from its states: they are small and go first, so they know what the link costs.
@@ -177,7 +179,8 @@ class Collector:
             ages[picture_topic(self.shown)] = (
                 t_ns - picture.received_ns
             ) / 1e6  # a repeated picture has not arrived anew
-        track, detections = newest(TRACK, Track), newest(DETECTIONS, PeopleDetections)
+        track, followed = newest(TRACK, Track), newest(FOLLOWED, Track)
+        detections = newest(DETECTIONS, PeopleDetections)
         newest(FACES, PersonPicture)
         obstacles = tuple(
             obstacle
@@ -191,14 +194,17 @@ class Collector:
             ages_ms=ages,
             picture=picture,
             picture_age_ms=-1.0 if picture is None else (t_ns - picture.taken_ns) / 1e6,
-            track_age_ms=-1.0 if track is None else (t_ns - self._local_ns(track)) / 1e6,
+            track_age_ms=self._age_ms(track, t_ns),
             state=_message(newest(STATE, VehicleState)),
             status=_message(newest(STATUS, HelmStatus)),
             setpoint=_message(newest(SETPOINT, Setpoint)),
             track=_message(track),
             track_capture_ns=track.header.capture_ns if track else 0,
-            tracked_ago_ms=-1.0 if self._tracked_ns is None else (t_ns - self._tracked_ns) / 1e6,
-            followed=_message(newest(FOLLOWED, Track)),
+            tracked_ago_ms=self._tracked_ago_ms(TRACK, t_ns),
+            followed=_message(followed),
+            followed_capture_ns=followed.header.capture_ns if followed else 0,
+            followed_age_ms=self._age_ms(followed, t_ns),
+            followed_ago_ms=self._tracked_ago_ms(FOLLOWED, t_ns),
             members=_message(newest(MEMBERS, FollowMembers)),
             limiter=_message(newest(LIMITER, LimiterStatus)),
             approach=_message(newest(APPROACH, ApproachTarget)),
@@ -215,6 +221,14 @@ class Collector:
             health=health,
             alive=alive,
         )
+
+    def _age_ms(self, track: Received[Track] | None, t_ns: int) -> float:
+        """Time since the capture of the picture that a target was seen in, ms; -1 without any."""
+        return -1.0 if track is None else (t_ns - self._local_ns(track)) / 1e6
+
+    def _tracked_ago_ms(self, name: str, t_ns: int) -> float:
+        """Time since a topic's target was last seen, ms; -1: never."""
+        return (t_ns - self._tracked_ns[name]) / 1e6 if name in self._tracked_ns else -1.0
 
     def _calibrated(self, told: Mapping[str, Received[CameraInfo] | None]) -> dict[str, Camera]:
         for name, received in told.items():

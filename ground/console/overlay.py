@@ -27,8 +27,8 @@ MEMBER_COLOURS: tuple[Colour, ...] = ((255, 214, 90), (214, 140, 255), (120, 230
 _FRAME: Colour = (13, 17, 23)
 _SURE = 0.3  # a joint less sure than this is not drawn
 _ASPECT_RANGE = (0.3, 4.0)
-_WORD_PX, _FOOT_PX = 18, 36
-"""Height of a word's ground, and of the rows below that belong to the captions, px."""
+_WORD_PX, _NAME_PX, _FOOT_PX = 18, 15, 36
+"""Height of a word's ground, of a line of names, and of the rows below that belong to the captions, px."""
 
 
 @dataclass(frozen=True)
@@ -98,20 +98,32 @@ class Painter:
         """Draw the target's rotated rectangle: green when tracked, orange and dashed when lost."""
         self._rectangle(picture, track, GREEN)
 
-    def followed(self, picture: Pixels, track: Track, members: Sequence[MemberBox]) -> None:
-        """Draw the follower's target, blue when seen, orange and dashed when lost, and in thin lines with their names
-        the boxes of the trackers that it is fused from."""
-        for row, member in enumerate(members):
-            if member.box_px is None:
-                continue
-            x, y, width, height = member.box_px
-            corners = np.array([(x, y), (x + width, y), (x + width, y + height), (x, y + height)])
-            shape = np.round(corners * 16).astype(np.int32).reshape(-1, 1, 2)
-            cv2.polylines(picture, [shape], True, MEMBER_COLOURS[row % len(MEMBER_COLOURS)], 1, cv2.LINE_AA, 4)
-            place = (round(x + width) + 4, round(y) + 12 + 14 * row)
-            cv2.putText(picture, member.name, place, MEMBER_COLOURS[row % len(MEMBER_COLOURS)], self._font, 13, 600)
+    def followed(self, picture: Pixels, track: Track, members: Sequence[MemberBox], obeyed: bool) -> None:
+        """Draw the follower's target, blue when seen, orange and dashed when lost, and in thin lines the boxes of the
+        trackers that it is fused from, with their names beside it in the same colours; below it, whether helm obeys."""
+        coloured = [(m, MEMBER_COLOURS[row % len(MEMBER_COLOURS)]) for row, m in enumerate(members)]
+        seeing = [(member, colour) for member, colour in coloured if member.box_px is not None]
+        for member, colour in seeing:
+            if member.box_px is not None:
+                shape = np.round(_rectangle_of(member.box_px) * 16).astype(np.int32).reshape(-1, 1, 2)
+                cv2.polylines(picture, [shape], True, colour, 1, cv2.LINE_AA, 4)
         self._rectangle(picture, track, BLUE)
-        self.word(picture, round(track.x_px), round(track.y_px + track.height_px / 2) + 4, "followed")
+        below = round(track.y_px + track.height_px / 2) + 4
+        self.word(picture, round(track.x_px), below, "followed" if obeyed else "to follow")
+        self._names(picture, track, [(member.name, colour) for member, colour in seeing])
+
+    def _names(self, picture: Pixels, track: Track, names: Sequence[tuple[str, Colour]]) -> None:
+        """Write names one below the other beside the target, to its left where there is no room on the right."""
+        if not names:
+            return
+        wide, high = max(self._width(name, 13, 600) for name, _ in names) + 8, _NAME_PX * len(names) + 4
+        left = round(track.x_px + track.width_px / 2) + 6
+        if left + wide > picture.shape[1]:
+            left = max(0, round(track.x_px - track.width_px / 2) - 6 - wide)
+        top = min(max(0, round(track.y_px - track.height_px / 2)), picture.shape[0] - _FOOT_PX - high)
+        _shade(picture, left, top, wide, high, 0.6)
+        for row, (name, colour) in enumerate(names):
+            cv2.putText(picture, name, (left + 4, top + 13 + _NAME_PX * row), colour, self._font, 13, 600)
 
     def _rectangle(self, picture: Pixels, track: Track, seen: Colour) -> None:
         if track.state == "idle":
@@ -129,8 +141,7 @@ class Painter:
     def person(self, picture: Pixels, found: PersonDetection, word: str, colour: Colour) -> None:
         """Draw somebody's box, skeleton and name; a pose that was only moved along is thinner."""
         x, y, width, height = found.box_px
-        corners = np.array([(x, y), (x + width, y), (x + width, y + height), (x, y + height)])
-        shape = np.round(corners * 16).astype(np.int32).reshape(-1, 1, 2)
+        shape = np.round(_rectangle_of(found.box_px) * 16).astype(np.int32).reshape(-1, 1, 2)
         cv2.polylines(picture, [shape], True, (0, 0, 0), 4, cv2.LINE_AA, 4)
         cv2.polylines(picture, [shape], True, colour, 2, cv2.LINE_AA, 4)
         sure = [joint[2] >= _SURE for joint in found.joints_px]
@@ -236,6 +247,12 @@ def decode(jpeg: bytes) -> Pixels | None:
     """Pixels (H, W, 3), RGB, of a JPEG file; None when it cannot be read."""
     picture = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR_RGB)
     return None if picture is None else np.asarray(picture, np.uint8)
+
+
+def _rectangle_of(box: tuple[float, float, float, float]) -> NDArray[np.float64]:
+    """Corners (4, 2), px, of an upright box, px, in order around it."""
+    x, y, width, height = box
+    return np.array([(x, y), (x + width, y), (x + width, y + height), (x, y + height)])
 
 
 def _corners(track: Track) -> NDArray[np.float64]:

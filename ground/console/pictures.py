@@ -95,10 +95,12 @@ def choose_picture(pictures: Iterable[Picture], view: Snapshot) -> Picture | Non
 
 
 def _drawn_on_ns(view: Snapshot) -> int | None:
-    """Capture stamp of the picture that is drawn on: the chased target's, else that of people; None without either."""
+    """Capture stamp of the picture that is drawn on: the chased target's, the followed one's, people's, or None."""
     boxed = view.track is not None and view.fresh(TRACK) and view.track.state != "idle"
     if boxed and view.shown == PURSUIT_CAMERA:
         return view.track_capture_ns
+    if view.followed_in_picture is not None:
+        return view.followed_capture_ns
     return view.detections_capture_ns if view.in_picture is not None and view.in_picture.people else None
 
 
@@ -183,7 +185,7 @@ class PictureBoard:
         shapes = tuple(_aspect(v.client) for v in viewers)
         # A picture is drawn again for a new box or window shape; an old one also because its age is written on it.
         stamp = (
-            (picture.capture_ns, view.track_capture_ns, view.detections_capture_ns, shapes)
+            (picture.capture_ns, view.track_capture_ns, view.followed_capture_ns, view.detections_capture_ns, shapes)
             if picture is not None and live
             else (view.t_ns // _STALE_REDRAW_NS, shapes)
         )
@@ -221,9 +223,8 @@ class PictureBoard:
         self._draw_people(drawn, picture, view, collector)
         if view.track is not None and view.fresh(TRACK) and view.shown == PURSUIT_CAMERA:
             self._painter.target(drawn, view.track)
-        followed = view.followed_in_picture
-        if followed is not None and view.members is not None:
-            self._painter.followed(drawn, followed, view.members.members)
+        if (followed := view.followed_in_picture) is not None and view.members is not None:
+            self._painter.followed(drawn, followed, view.members.members, view.following)
         self._draw_approach(drawn, picture, view, collector)
         self._painter.aim(drawn)
         shown_age_ms = (view.t_ns - picture.taken_ns) / 1e6

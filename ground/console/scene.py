@@ -17,17 +17,16 @@ from common.geometry.rotation import Array, euler_from_quat
 from common.messages import VehicleState
 from ground.console.collector import Collector
 from ground.console.config import ConsoleConfig
-from ground.console.overlay import GREEN, ORANGE, RED, decode
+from ground.console.overlay import BLUE, GREEN, ORANGE, RED, decode
 from ground.console.people_map import PeopleMap
 from ground.console.ring import Ring
-from ground.console.snapshot import APPROACH, LIMITER, PURSUIT_CAMERA, SETPOINT, STATE, TRACK, Snapshot
-from ground.console.target import ground_point_m
+from ground.console.snapshot import APPROACH, LIMITER, PURSUIT_CAMERA, SETPOINT, STATE, Snapshot
+from ground.console.target import aimed_at, ground_point_m
 
 _PERIOD_NS = 100_000_000
 _SLOW_PERIOD_NS = 500_000_000
 _TRAIL_STEP_NS = 250_000_000
 _TRAIL_STEP_M = 0.05
-_BLUE = (74, 168, 255)
 _GREY = (139, 148, 158)
 _PALE = (200, 208, 216)
 
@@ -108,7 +107,7 @@ class SceneView:
         self._vehicle = scene.add_frame("/vehicle", axes_length=0.8, axes_radius=0.02, visible=False)
         _add_airframe(scene)
         start = np.zeros((1, 2, 3))
-        self._path_lines = scene.add_line_segments("/path", start, _BLUE, thickness=2.5, thickness_units="screen")
+        self._path_lines = scene.add_line_segments("/path", start, BLUE, thickness=2.5, thickness_units="screen")
         self._target_lines = scene.add_line_segments(
             "/target_path", start, ORANGE, thickness=2.0, thickness_units="screen"
         )
@@ -120,7 +119,7 @@ class SceneView:
         self._velocity = scene.add_arrows(
             "/velocity",
             np.array([[[0.0, 0, 0], [0.01, 0, 0]]] * 2),
-            np.array([_GREY, _BLUE]),
+            np.array([_GREY, BLUE]),
             shaft_radius=0.03,
             head_radius=0.08,
             head_length=0.18,
@@ -132,15 +131,15 @@ class SceneView:
 
         self._ring = Ring(scene)
         self._people = PeopleMap(scene)
-        self._goal = scene.add_icosphere("/approach", 0.16, _BLUE, visible=False)
+        self._goal = scene.add_icosphere("/approach", 0.16, BLUE, visible=False)
         self._goal_name = scene.add_label("/approach/name", "", position=(0.0, 0.0, -0.4), visible=False)
 
     def note(self, view: Snapshot, collector: Collector) -> None:
         """Remember the paths; cheap, runs whether anyone looks or not."""
         if view.state is not None and view.fresh(STATE):
             self._path.add(view.t_ns, np.asarray(view.state.ned_p_m, dtype=float))
-        point = self._target_point(view, collector)
-        if point is not None and view.track is not None and view.track.state == "tracking":
+        aim, point = aimed_at(view), self._target_point(view, collector)
+        if aim is not None and point is not None and aim.track.state == "tracking":
             self._target_path.add(view.t_ns, point)
 
     def update(self, view: Snapshot, collector: Collector) -> None:
@@ -181,22 +180,22 @@ class SceneView:
             client.camera.look_at = (north, east, down * 0.6)
 
     def _target_point(self, view: Snapshot, collector: Collector) -> Array | None:
-        camera = view.cameras.get(PURSUIT_CAMERA)
-        if view.track is None or camera is None or not view.fresh(TRACK):
+        camera, aim = view.cameras.get(PURSUIT_CAMERA), aimed_at(view)
+        if aim is None or camera is None:
             return None
-        state = collector.state_at(view.track_capture_ns)
-        return None if state is None else ground_point_m(view.track, camera, state)
+        state = collector.state_at(aim.capture_ns)
+        return None if state is None else ground_point_m(aim.track, camera, state)
 
     def _update_target(self, view: Snapshot, collector: Collector) -> None:
-        point = self._target_point(view, collector)
+        aim, point = aimed_at(view), self._target_point(view, collector)
         shown = point is not None and view.state is not None
         self._target.visible = self._target_name.visible = self._ray.visible = shown
-        if point is None or view.state is None or view.track is None:
+        if aim is None or point is None or view.state is None:
             return
-        colour = GREEN if view.track.state == "tracking" else ORANGE
+        colour = aim.seen_colour if aim.track.state == "tracking" else ORANGE
         self._target.position = point
         self._target.color = colour
-        self._target_name.text = f"target ({view.track.state})"
+        self._target_name.text = f"{aim.word} ({aim.track.state})"
         self._ray.points = np.array([[view.state.ned_p_m, point]], dtype=np.float32)
 
     def _update_velocity(self, view: Snapshot, state: VehicleState | None) -> None:
@@ -225,7 +224,7 @@ class SceneView:
         if target is None or not shown:
             return
         self._goal.position = target.ned_p_m
-        self._goal.color = _BLUE if target.state == "tracking" else ORANGE
+        self._goal.color = BLUE if target.state == "tracking" else ORANGE
         word = "" if target.state == "tracking" else f" ({target.state})"
         self._goal_name.text = f"approach: {target.label or 'selected'}{word}"
 

@@ -114,6 +114,12 @@ class Snapshot:
     """How long ago the target was last tracked, ms; -1: never."""
     followed: Track | None = None
     """Newest estimate of the follower's target."""
+    followed_capture_ns: int = 0
+    """Picture that it belongs to (vehicle clock)."""
+    followed_age_ms: float = -1.0
+    """Its age, ms since the capture of its picture; -1 when none has come."""
+    followed_ago_ms: float = -1.0
+    """How long ago the follower's target was last seen, ms; -1: never."""
     members: FollowMembers | None = None
     """Newest word of the follower's trackers."""
     limiter: LimiterStatus | None = None
@@ -189,3 +195,8 @@ class Snapshot:
     def chasing(self) -> bool:
         """Whether helm says that it obeys the pursuit."""
         return self.status is not None and self.fresh(STATUS) and self.status.state == "pursuit"
+
+    @property
+    def following(self) -> bool:
+        """Whether helm says that it obeys the follower."""
+        return self.status is not None and self.fresh(STATUS) and self.status.state == "follow"

@@ -1,9 +1,11 @@
-"""Where the target stands on the ground, from its place in the picture; what a click into the 3-D view means."""
+"""Which target is shown on the ground, and where it stands there by its place in the picture; what a click into the 3-D
+view means."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,6 +13,37 @@ from numpy.typing import ArrayLike
 from common.geometry.camera import Camera, horizontal_tangents
 from common.geometry.rotation import Array, euler_from_quat, quat_multiply, quat_rotate, quat_to_matrix
 from common.messages import Track, VehicleState
+from ground.console.overlay import BLUE, GREEN, Colour
+from ground.console.snapshot import FOLLOWED, MEMBERS, PURSUIT_CAMERA, TRACK, Snapshot
+
+
+class Aim(NamedTuple):
+    """The target that is shown on the ground."""
+
+    track: Track
+    """Where it is in the picture."""
+    capture_ns: int
+    """Capture stamp of that picture (vehicle clock)."""
+    word: str
+    """What it is called."""
+    seen_colour: Colour
+    """Its colour while it is seen."""
+
+
+def aimed_at(view: Snapshot) -> Aim | None:
+    """The chase's target, or the follower's where helm obeys that or nothing is chased; None without either.
+
+    Of the follower's, where it follows by the camera that looks down: through another one, a box's middle is no place
+    on the ground.
+    """
+    chased = view.track if view.fresh(TRACK) else None
+    followed = view.followed if view.fresh(FOLLOWED) and view.fresh(MEMBERS) else None
+    if view.members is None or view.members.camera != PURSUIT_CAMERA:
+        followed = None
+    idle = chased is None or chased.state == "idle"
+    if followed is not None and followed.state != "idle" and (view.following or idle):
+        return Aim(followed, view.followed_capture_ns, "followed", BLUE)
+    return None if chased is None or idle else Aim(chased, view.track_capture_ns, "target", GREEN)
 
 
 def camera_position_m(camera: Camera, state: VehicleState) -> Array:

@@ -111,7 +111,7 @@ class Choice:
             return True
         if len(self._pictures) > 1:
             return False
-        self._call.reply(Reply(outcome="done", reason="`follow` obeys it"))
+        self._call.reply(Reply(outcome="done", reason="the trackers have it; it is flown after once you follow"))
         return True
 
     def _catch_up(self, follower: Follower) -> None:

@@ -5,12 +5,10 @@ from __future__ import annotations
 import pytest
 
 from common.config import Config
-from common.messages import (
-    Image,
-)
+from common.messages import Image, Track
 from common.node import Inputs, Node, On, ScriptedRun
 from ground.console.collector import Collector
-from ground.console.snapshot import STATE, Snapshot, picture_topic
+from ground.console.snapshot import FOLLOWED, STATE, TRACK, Snapshot, picture_topic
 from tests.flying import flying
 
 PICTURE = picture_topic("down")
@@ -58,6 +56,20 @@ def test_repeated_picture_grows_old() -> None:
     assert not node.view.picture_live
     assert not node.view.fresh(PICTURE)
     assert len(node.collector.pictures) == 1
+
+
+def test_each_target_has_its_own_age_and_was_last_seen_when_it_was() -> None:
+    run, node = _run()
+    run.feed(TRACK, Track(state="tracking"), 1000 * MS, 1020 * MS)
+    run.feed(FOLLOWED, Track(state="tracking"), 1100 * MS, 1140 * MS)
+    run.step(1150 * MS)
+    run.feed(FOLLOWED, Track(state="lost"), 1500 * MS, 1540 * MS)
+    run.step(1550 * MS)
+    view = node.view
+    assert view is not None and view.followed is not None and view.followed.state == "lost"
+    assert view.followed_capture_ns == 1500 * MS and view.track_capture_ns == 1000 * MS
+    assert view.followed_ago_ms == 410.0 and view.tracked_ago_ms == 530.0
+    assert 10.0 <= view.followed_age_ms <= 50.0
 
 
 def test_picture_that_waited_on_the_link_is_known_to_be_old() -> None:

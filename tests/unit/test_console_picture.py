@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import cv2
@@ -11,11 +12,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.messages import FollowMembers, MemberBox, Track
-from ground.console.captions import target_caption
-from ground.console.overlay import BLUE, GREEN, MEMBER_COLOURS, ORANGE, Caption, Letterbox, Painter, decode, on_canvas
+from ground.console.captions import hint, target_caption
+from ground.console.overlay import (
+    BLUE,
+    GREEN,
+    GREY,
+    MEMBER_COLOURS,
+    ORANGE,
+    Caption,
+    Letterbox,
+    Painter,
+    decode,
+    on_canvas,
+)
 from ground.console.pictures import BoxRefused, Shown, choose_picture, drawn_box
 from ground.console.scene import Trail
-from ground.console.snapshot import FOLLOWED, MEMBERS, TRACK, Picture, Snapshot
+from ground.console.snapshot import FOLLOWED, MEMBERS, STATUS, TRACK, Picture, Snapshot
+from tests.flying import helm_status
 
 MS = 1_000_000
 
@@ -113,7 +126,7 @@ def test_the_followed_target_and_its_trackers_are_drawn() -> None:
     picture = np.zeros((200, 200, 3), np.uint8)
     track = Track(state="tracking", x_px=90, y_px=90, width_px=60, height_px=40)
     members = MemberBox(name="dsst"), MemberBox(name="cmt", box_px=(30.0, 40.0, 100.0, 110.0))
-    Painter().followed(picture, track, members)
+    Painter().followed(picture, track, members, obeyed=True)
     drawn = np.argwhere((picture == BLUE).all(axis=2))[:, ::-1] - (90.0, 90.0)
     drawn = drawn[np.hypot(*drawn.T) > 8]
     assert len(drawn) > 100
@@ -129,6 +142,54 @@ def test_the_followers_target_is_shown_on_its_own_camera_alone() -> None:
     assert replace(view, shown="front").followed_in_picture is None
     assert replace(view, followed=Track(state="idle")).followed_in_picture is None
     assert replace(view, ages_ms=fresh | {FOLLOWED: 900.0}).followed_in_picture is None
+
+
+def _following(state: str, **changes: object) -> Snapshot:
+    """A view of a target that only the follower has, in the picture that is shown, and nothing else."""
+    ages = {TRACK: 30.0, MEMBERS: 50.0, FOLLOWED: 50.0, STATUS: 100.0}
+    view = Snapshot(
+        t_ns=0,
+        ages_ms=ages,
+        track=Track(state="idle"),
+        followed=Track(state=state),  # type: ignore[arg-type]
+        followed_capture_ns=4,
+        followed_age_ms=70.0,
+        followed_ago_ms=1200.0,
+        members=FollowMembers(camera="down"),
+    )
+    return replace(view, **changes)  # type: ignore[arg-type]
+
+
+def test_the_followers_box_is_shown_on_its_own_picture() -> None:
+    pictures = [_picture(n, 50 * n) for n in range(6)]
+    assert choose_picture(pictures, _following("tracking")) is pictures[4]
+    chased = _following("tracking", track=Track(state="tracking"), track_capture_ns=3)
+    assert choose_picture(pictures, chased) is pictures[3], "where there are two targets, on the chased one's"
+    assert choose_picture(pictures, _following("tracking", shown="front")) is pictures[5]
+
+
+def test_what_is_followed_has_the_word_where_nothing_is_chased_or_helm_obeys_the_follower() -> None:
+    assert target_caption(_following("tracking")) == Caption("TO FOLLOW  70 ms", BLUE), "helm does not obey it yet"
+    assert target_caption(_following("lost")) == Caption("LOST  1.2 s", ORANGE)
+    assert hint(_following("tracking")) == "", "there is a target"
+    assert "what to follow" in hint(_following("lost"))
+    chased = _following("tracking", track=Track(state="lost"), tracked_ago_ms=500.0)
+    assert target_caption(chased) == Caption("LOST  0.5 s", ORANGE), "the chase's target"
+    obeyed = replace(chased, status=helm_status("follow"))
+    assert target_caption(obeyed) == Caption("FOLLOWING  70 ms", BLUE)
+    assert target_caption(replace(obeyed, shown="front")) == Caption("NO SELECTION", GREY), "elsewhere it is not seen"
+
+
+def test_names_of_the_trackers_stand_beside_the_box_and_apart_from_each_other() -> None:
+    names = ("dsst", "cmt", "struck", "tld")
+    members = tuple(MemberBox(name=name, box_px=(200.0, 100.0, 60.0, 40.0)) for name in names)
+    for x_px, beside in ((230.0, slice(262, 330)), (600.0, slice(500, 568))):
+        picture = np.full((480, 640, 3), 200, np.uint8)
+        track = Track(state="tracking", x_px=x_px, y_px=120.0, width_px=60.0, height_px=40.0)
+        Painter().followed(picture, track, members, obeyed=True)
+        rows = [np.flatnonzero((picture[:, beside] == colour).all(axis=2).any(axis=1)) for colour in MEMBER_COLOURS]
+        assert all(len(own) > 4 for own in rows), "each name can be read"
+        assert all(own.max() < other.min() for own, other in itertools.pairwise(rows)), "one below the other"
 
 
 def test_idle_track_draws_nothing() -> None:

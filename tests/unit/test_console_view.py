@@ -14,8 +14,10 @@ from common.geometry.config import CameraConfig, FrontCameraConfig
 from common.geometry.rotation import as_quat, quat_from_euler
 from common.messages import (
     ApproachTarget,
+    FollowMembers,
     Health,
     HelmStatus,
+    MemberBox,
     PreflightItem,
     Session,
     Track,
@@ -33,8 +35,8 @@ from ground.console.cards import (
 from ground.console.config import ConsoleConfig
 from ground.console.page import next_actions
 from ground.console.plot import ErrorHistory
-from ground.console.snapshot import APPROACH, FOLLOWED, STATE, STATUS, TRACK, Snapshot, picture_topic
-from ground.console.target import bearing_rad, ground_point_m, pixels_of, point_on_ray
+from ground.console.snapshot import APPROACH, FOLLOWED, MEMBERS, STATE, STATUS, TRACK, Snapshot, picture_topic
+from ground.console.target import aimed_at, bearing_rad, ground_point_m, pixels_of, point_on_ray
 from tests.flying import flying, helm_status
 
 CONFIG = ConsoleConfig()
@@ -288,6 +290,54 @@ def test_a_click_means_the_obstacle_on_its_ray() -> None:
     assert point_on_ray(points, eye, ahead) is points[0]
     assert point_on_ray(points, eye, np.array([0.0, 1.0, 0.0])) is None
     assert point_on_ray([], eye, ahead) is None
+
+
+def test_a_follow_that_flies_after_nothing_is_an_alarm() -> None:
+    following = status(state="follow", source="follow")
+    seen, ages = Track(state="tracking"), {FOLLOWED: 50.0}
+    assert not alarms(snapshot(status=following, followed=seen, ages=ages), CONFIG)
+    assert not alarms(snapshot(followed=Track(state="lost"), ages=ages), CONFIG), "helm holds: nobody follows"
+    for wrong, level, title in (
+        ({"followed": Track(state="lost"), "followed_ago_ms": 800.0}, "warning", "Followed target lost for 0.8 s"),
+        ({"followed": Track(state="idle")}, "warning", "Nothing is followed"),
+        ({"followed": seen, "ages": {FOLLOWED: 900.0}}, "warning", "No word from the follower"),
+        ({"followed": seen, "status": status(state="follow")}, "notice", "Helm hovers, though the target is seen"),
+    ):
+        found = alarms(snapshot(**{"status": following, "ages": ages, **wrong}), CONFIG)
+        assert [(a.level, a.title) for a in found] == [(level, title)]
+
+
+def test_the_target_tab_tells_who_sees_what_is_followed() -> None:
+    members = FollowMembers(
+        camera="down", members=(MemberBox(name="dsst", box_px=(1.0, 2.0, 3.0, 4.0)), MemberBox(name="cmt"))
+    )
+    ages = {FOLLOWED: 50.0, MEMBERS: 50.0}
+    followed = Track(state="tracking", reason="no vehicle state for this picture")
+    html = target_html(snapshot(followed=followed, members=members, ages=ages), None, None)
+    for words in ("Followed", "tracking", "Seen by</span><span>dsst<", "No request: no vehicle state"):
+        assert words in html
+    assert "Followed" not in target_html(snapshot(followed=Track(state="idle"), ages=ages), None, None)
+    assert "Followed" not in target_html(snapshot(followed=followed), None, None), "nothing old"
+
+
+def test_the_ground_shows_what_is_followed_where_helm_obeys_the_follower_or_nothing_is_chased() -> None:
+    ages = {FOLLOWED: 50.0, MEMBERS: 50.0}
+    both = snapshot(
+        followed=Track(state="lost"), followed_capture_ns=7, members=FollowMembers(camera="down"), ages=ages
+    )
+
+    def shown(**changes: object) -> str | None:
+        aim = aimed_at(replace(both, **changes))  # type: ignore[arg-type]
+        return None if aim is None else f"{aim.word} {aim.capture_ns}"
+
+    assert shown(track_capture_ns=3) == "target 3"
+    assert shown(status=status(state="follow")) == "followed 7"
+    assert shown(track=Track(state="idle")) == "followed 7"
+    assert shown(track=Track(state="idle"), members=FollowMembers(camera="front")) is None, (
+        "its middle is no place there"
+    )
+    assert shown(track=Track(state="idle"), followed=Track(state="idle")) is None
+    assert shown(track=None, ages_ms={**both.ages_ms, FOLLOWED: 900.0}) is None, "nothing old"
 
 
 def test_an_approach_without_its_thing_is_an_alarm() -> None:
