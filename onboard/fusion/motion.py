@@ -7,44 +7,8 @@ in a third of the time, and a covariance that is symmetric by construction.
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 from filterpy.kalman import KalmanFilter
-
-
-@lru_cache(maxsize=64)
-def transition(size: int, dt_s: float) -> np.ndarray:
-    """Transition A, (2N, 2N), of N values above their N rates over a time (eq. 4.1, where it is one frame)."""
-    matrix = np.eye(2 * size) + dt_s * np.eye(2 * size, k=size)
-    matrix.flags.writeable = False
-    return matrix
-
-
-@lru_cache(maxsize=64)
-def _noise_pattern(size: int, dt_s: float) -> np.ndarray:
-    """What white acceleration of density one adds to the covariance over a time, (2N, 2N)."""
-    pattern = np.zeros((2 * size, 2 * size))
-    each = np.arange(size)
-    pattern[each, each] = dt_s**3 / 3
-    pattern[each, each + size] = pattern[each + size, each] = dt_s**2 / 2
-    pattern[each + size, each + size] = dt_s
-    pattern.flags.writeable = False
-    return pattern
-
-
-def process_noise(density: np.ndarray, dt_s: float) -> np.ndarray:
-    """Covariance R_ww, (2N, 2N), that white acceleration of a spectral density (N,), units²/s³, adds over a time.
-
-    It is that of the continuous model, so two short steps add what one long step adds; the thesis's diag(0, q) is its
-    leading term.
-    """
-    return _noise_pattern(len(density), dt_s) * np.concatenate([density, density])
-
-
-def control_matrix(size: int, dt_s: float) -> np.ndarray:
-    """Control B, (2N, N), of a known acceleration over a time; eq. 3.3 adds k·u to the rates once a frame."""
-    return np.vstack([np.eye(size) * (dt_s**2 / 2), np.eye(size) * dt_s])
 
 
 class ComponentFilter(KalmanFilter):
@@ -66,7 +30,16 @@ class ComponentFilter(KalmanFilter):
         self._shared, self._transposed = quarters[0, 1], quarters[1, 0]
 
     def advance(self, dt_s: float, density: np.ndarray, control: np.ndarray | None) -> None:
-        """What `predict` does with `transition`, `process_noise` and `control_matrix` (eqs 3.4, 3.5)."""
+        """What filterpy's `predict` does with A, R_ww and B of a time, s (eqs 3.1 to 3.5).
+
+        The noise is that of the continuous model, so two short steps add what one long step adds; the thesis's
+        diag(0, q) is its leading term. Where eq. 3.3 adds k·u to the rates once a frame, here the time counts.
+
+        Args:
+            dt_s: how far, s.
+            density: spectral density of the white acceleration, (N,), units²/s³.
+            control: known acceleration, (N,), units/s²; None: none.
+        """
         self.values += self.rates * dt_s
         if control is not None:
             self.values += control * (dt_s**2 / 2)
@@ -78,7 +51,7 @@ class ComponentFilter(KalmanFilter):
         self.rate_variance += added
 
     def measure(self, value: np.ndarray, variance: np.ndarray) -> None:
-        """What `update` does with a diagonal R (eqs 3.6 to 3.10)."""
+        """What filterpy's `update` does with a value, (N,), and a diagonal R, (N,) (eqs 3.6 to 3.10)."""
         residual, total = value - self.values, self.value_variance + variance  # e, R_ee
         kept, rate_gain = variance / total, self._shared / total
         self.values += (self.value_variance / total) * residual

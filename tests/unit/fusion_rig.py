@@ -18,11 +18,8 @@ def line(count: int, seed: int = 0, noise: float = 0.1) -> list[np.ndarray]:
 def standard(values: list[np.ndarray], noise: float, config: FusionConfig) -> np.ndarray:
     """State of a textbook Kalman filter, written out, after these measurements."""
     size, dt_s = len(values[0]), PERIOD_NS * 1e-9
-    a, h = np.eye(2 * size), np.eye(size, 2 * size)
-    a[:size, size:] = dt_s * np.eye(size)
-    q = config.acceleration**2 * np.block(
-        [[dt_s**3 / 3 * np.eye(size), dt_s**2 / 2 * np.eye(size)], [dt_s**2 / 2 * np.eye(size), dt_s * np.eye(size)]]
-    )
+    a, h = transition(size, dt_s), np.eye(size, 2 * size)
+    q = process_noise(np.full(size, config.acceleration**2), dt_s)
     x = np.concatenate([values[0], np.zeros(size)])
     p = np.diag([noise**2] * size + [config.start_rate**2] * size)
     for value in values[1:]:
@@ -31,6 +28,22 @@ def standard(values: list[np.ndarray], noise: float, config: FusionConfig) -> np
         x, p = x + gain @ (value - h @ x), (np.eye(2 * size) - gain @ h) @ p
         p = (p + p.T) / 2
     return x
+
+
+def transition(size: int, dt_s: float) -> np.ndarray:
+    """Transition A, (2N, 2N), of N values above their N rates over a time (eq. 4.1, where it is one frame)."""
+    return np.eye(2 * size) + dt_s * np.eye(2 * size, k=size)
+
+
+def process_noise(density: np.ndarray, dt_s: float) -> np.ndarray:
+    """Covariance R_ww, (2N, 2N), that white acceleration of a spectral density (N,), units²/s³, adds over a time."""
+    q = np.diag(density)
+    return np.block([[dt_s**3 / 3 * q, dt_s**2 / 2 * q], [dt_s**2 / 2 * q, dt_s * q]])
+
+
+def control_matrix(size: int, dt_s: float) -> np.ndarray:
+    """Control B, (2N, N), of a known acceleration over a time."""
+    return np.vstack([np.eye(size) * (dt_s**2 / 2), np.eye(size) * dt_s])
 
 
 def sources(count: int, noise: float = 0.1, size: int = 2, threshold: float = 0.0) -> list[Source]:

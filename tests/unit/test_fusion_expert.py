@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from onboard.fusion.config import FusionConfig
 from onboard.fusion.drift import DriftWatch
 from onboard.fusion.expert import Expert
-from onboard.fusion.motion import MotionFilter, control_matrix, process_noise, transition
+from onboard.fusion.motion import MotionFilter
 from onboard.fusion.weights import (
     combine,
     mahalanobis,
@@ -22,7 +22,7 @@ from onboard.fusion.weights import (
     severity,
     vote_weight,
 )
-from tests.unit.fusion_rig import PERIOD_NS, line, sources, standard
+from tests.unit.fusion_rig import PERIOD_NS, control_matrix, line, process_noise, sources, standard, transition
 
 DENSITY = np.ones(2)
 
@@ -97,9 +97,13 @@ def test_severity_begins_at_the_switch() -> None:
 
 
 def test_two_short_steps_add_what_one_long_step_adds() -> None:
-    density = np.array([2.0, 0.5])
-    twice = transition(2, 0.3) @ process_noise(density, 0.2) @ transition(2, 0.3).T + process_noise(density, 0.3)
-    np.testing.assert_allclose(twice, process_noise(density, 0.5), rtol=1e-12)
+    density, stamps = np.array([2.0, 0.5]), ((500_000_000,), (200_000_000, 500_000_000))
+    filters = [MotionFilter(np.zeros(2), 0, np.full(2, 0.1), np.full(2, 2.0)) for _ in stamps]
+    for one, path in zip(filters, stamps, strict=True):
+        for t_ns in path:
+            one.predict(t_ns, density)
+    np.testing.assert_allclose(filters[1].covariance, filters[0].covariance, rtol=1e-12)
+    np.testing.assert_allclose(filters[1].state, filters[0].state, rtol=1e-12)
 
 
 def test_commanded_acceleration_moves_the_prediction() -> None:
