@@ -5,11 +5,9 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from pathlib import Path
-
-import pytest
 
 ROOT = Path(__file__).parents[2]
 ALLOWED = {
@@ -101,8 +99,13 @@ def tree_of(module: str) -> ast.Module:
     return ast.parse((ROOT / module).read_text(encoding="utf-8"), module)
 
 
-def imports(module: str) -> Iterator[str]:
+@cache
+def imports(module: str) -> frozenset[str]:
     """Full names of everything that a module imports, at its top or inside a function."""
+    return frozenset(_imported(module))
+
+
+def _imported(module: str) -> Iterator[str]:
     for node in ast.walk(tree_of(module)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -142,67 +145,101 @@ def test_the_modules_are_found() -> None:
     assert sum(map(is_algorithm, found)) > 15
 
 
-@pytest.mark.parametrize("module", modules())
-def test_sides_do_not_know_each_other(module: str) -> None:
-    own = module.split("/")[0]
-    ours = {name.split(".")[0] for name in imports(module)} & set(ALLOWED)
-
-    assert ours <= ALLOWED[own], f"{own} may import {sorted(ALLOWED[own])} only"
-    assert "tests" not in {name.split(".")[0] for name in imports(module)}
+def broken(rule: Callable[[str], object], among: Iterable[str]) -> dict[str, object]:
+    """What a rule finds wrong, by module; one test for all modules, since one for each costs more than its look."""
+    return {module: wrong for module in among if (wrong := rule(module))}
 
 
-@pytest.mark.parametrize("module", modules())
-def test_libraries_stay_where_they_belong(module: str) -> None:
-    for name in imports(module):
-        places = LIBRARIES.get(name.split(".")[0])
-        assert places is None or module.startswith(places), f"{name} is for {places} alone"
+def test_sides_do_not_know_each_other() -> None:
+    def strangers(module: str) -> set[str]:
+        known = {name.split(".")[0] for name in imports(module)} & {*ALLOWED, "tests"}
+        return known - ALLOWED[module.split("/")[0]]
+
+    assert not broken(strangers, modules()), f"each may import these only: {ALLOWED}"
 
 
-@pytest.mark.parametrize("module", [m for m in modules() if is_algorithm(m)])
-def test_algorithms_know_no_bus_no_device_and_no_clock(module: str) -> None:
-    wrong = {name for name in imports(module) if name in NOT_FOR_ALGORITHMS or name.split(".")[0] in NOT_FOR_ALGORITHMS}
+def test_libraries_stay_where_they_belong() -> None:
+    def elsewhere(module: str) -> set[str]:
+        libraries = {name.split(".")[0] for name in imports(module)} & set(LIBRARIES)
+        return {library for library in libraries if not module.startswith(LIBRARIES[library])}
 
+    assert not broken(elsewhere, modules()), f"each is for its places alone: {LIBRARIES}"
+
+
+def test_algorithms_know_no_bus_no_device_and_no_clock() -> None:
+    def worldly(module: str) -> set[str]:
+        return {n for n in imports(module) if n in NOT_FOR_ALGORITHMS or n.split(".")[0] in NOT_FOR_ALGORITHMS}
+
+    wrong = broken(worldly, filter(is_algorithm, modules()))
     assert not wrong, "pass in what it needs (arrays, t_ns, rng), or, if this is a shell, name it in SHELLS"
 
 
-@pytest.mark.parametrize("module", modules())
-def test_randomness_is_seeded_and_passed_in(module: str) -> None:
+def test_randomness_is_seeded_and_passed_in() -> None:
     """No global generator, neither Python's nor NumPy's."""
-    for node in ast.walk(tree_of(module)):
-        if isinstance(node, ast.Attribute) and ast.unparse(node.value) in ("random", "np.random", "numpy.random"):
-            assert node.attr in ("Random", "Generator", "default_rng", "SeedSequence", "PCG64"), f"line {node.lineno}"
-        if isinstance(node, ast.Call) and ast.unparse(node.func).endswith(("random.Random", "default_rng")):
-            assert node.args, f"line {node.lineno}: no seed"
+
+    def unseeded(module: str) -> list[str]:
+        return [f"line {node.lineno}" for node in ast.walk(tree_of(module)) if _is_global_or_unseeded(node)]
+
+    assert not broken(unseeded, modules())
 
 
-@pytest.mark.parametrize("module", [m for m in modules() if m != "common/topics.py"])
-def test_keys_are_written_in_one_place(module: str) -> None:
-    written = [(line, text) for line, text in texts(module) if "outrider/" in text]
-
-    assert not written, "name the topic and let common.topics.key make the key"
-
-
-@pytest.mark.parametrize("module", [m for m in modules() if m.startswith(("onboard/", "ground/"))])
-def test_no_algorithm_can_see_the_truth(module: str) -> None:
-    assert "common.truth" not in set(imports(module))
-    assert not [line for line, text in texts(module) if text == "truth"]
-    names = {n.attr for n in ast.walk(tree_of(module)) if isinstance(n, ast.Attribute)}
-    assert "Truth" not in names
+def _is_global_or_unseeded(node: ast.AST) -> bool:
+    if isinstance(node, ast.Attribute) and _dotted(node.value) in ("random", "np.random", "numpy.random"):
+        return node.attr not in ("Random", "Generator", "default_rng", "SeedSequence", "PCG64")
+    makes = isinstance(node, ast.Call) and _dotted(node.func).endswith(("random.Random", "default_rng"))
+    return makes and not node.args
 
 
-@pytest.mark.parametrize("module", modules())
-def test_files_and_functions_stay_readable(module: str) -> None:
-    lines = (ROOT / module).read_text(encoding="utf-8").count("\n")
-    assert lines <= LONGEST_FILE, f"{lines} lines: split it"
-    for node in ast.walk(tree_of(module)):
-        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
-            length = (node.end_lineno or node.lineno) - node.lineno + 1
-            assert length <= LONGEST_FUNCTION, f"{node.name}: {length} lines"
+def _dotted(node: ast.AST) -> str:
+    """Names of an expression that is nothing but names with dots between; empty for any other."""
+    if isinstance(node, ast.Attribute):
+        before = _dotted(node.value)
+        return f"{before}.{node.attr}" if before else ""
+    return node.id if isinstance(node, ast.Name) else ""
 
 
-@pytest.mark.parametrize("module", [m for m in modules() if m not in RUNS_AT_IMPORT])
-def test_nothing_runs_at_import(module: str) -> None:
-    """A module's top level holds definitions, constants and imports."""
+def test_keys_are_written_in_one_place() -> None:
+    def keys(module: str) -> list[tuple[int, str]]:
+        return [(line, text) for line, text in texts(module) if "outrider/" in text]
+
+    wrong = broken(keys, (m for m in modules() if m != "common/topics.py"))
+    assert not wrong, "name the topic and let common.topics.key make the key"
+
+
+def test_no_algorithm_can_see_the_truth() -> None:
+    def seeing(module: str) -> list[object]:
+        names = {n.attr for n in ast.walk(tree_of(module)) if isinstance(n, ast.Attribute)}
+        imported = {"common.truth"} & imports(module)
+        return [*imported, *({"Truth"} & names), *(line for line, text in texts(module) if text == "truth")]
+
+    assert not broken(seeing, (m for m in modules() if m.startswith(("onboard/", "ground/"))))
+
+
+def test_files_and_functions_stay_readable() -> None:
+    def long(module: str) -> list[str]:
+        lines = (ROOT / module).read_text(encoding="utf-8").count("\n")
+        found = [f"{lines} lines: split it"] if lines > LONGEST_FILE else []
+        for node in ast.walk(tree_of(module)):
+            if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
+                length = (node.end_lineno or node.lineno) - node.lineno + 1
+                found += [f"{node.name}: {length} lines"] if length > LONGEST_FUNCTION else []
+        return found
+
+    assert not broken(long, modules())
+
+
+def test_nothing_runs_at_import() -> None:
+    """A module's top level holds definitions, constants and imports, and begins with a docstring."""
+
+    def running(module: str) -> list[str]:
+        body = tree_of(module).body
+        undocumented = ["no docstring"] if body and not ast.get_docstring(tree_of(module)) else []
+        return undocumented + [f"line {node.lineno}" for node in body if not _only_defines(node)]
+
+    assert not broken(running, (m for m in modules() if m not in RUNS_AT_IMPORT))
+
+
+def _only_defines(node: ast.stmt) -> bool:
     allowed = (
         ast.Import,
         ast.ImportFrom,
@@ -212,13 +249,9 @@ def test_nothing_runs_at_import(module: str) -> None:
         ast.Assign,
         ast.AnnAssign,
     )
-    for node in tree_of(module).body:
-        if isinstance(node, allowed):
-            continue
-        documentation = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
-        condition = ast.unparse(node.test) if isinstance(node, ast.If) else ""
-        assert documentation or condition in ("__name__ == '__main__'", "TYPE_CHECKING"), f"line {node.lineno}"
-    assert not tree_of(module).body or ast.get_docstring(tree_of(module)), "begins with a docstring"
+    documentation = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+    condition = ast.unparse(node.test) if isinstance(node, ast.If) else ""
+    return isinstance(node, allowed) or documentation or condition in ("__name__ == '__main__'", "TYPE_CHECKING")
 
 
 def test_commands_and_settings_load_nothing_slow() -> None:
