@@ -14,6 +14,9 @@ from simulation.demo.mission import box_of_corners
 from tests.system.radio import Link
 from tests.system.stack import Stack
 
+LANDS_FAST = "helm.parameters.MPC_LAND_SPEED=1.5"
+"""Setting of a vehicle that comes down twice as fast as by default, m/s: a test that lands waits for it."""
+
 
 class Seen:
     """The newest message and the history of a topic."""

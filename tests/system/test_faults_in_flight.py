@@ -14,7 +14,7 @@ from common import topics
 from common.codec import encode, schema_hash
 from common.header import Header
 from common.messages import Request
-from tests.system.flight import Flight
+from tests.system.flight import LANDS_FAST, Flight
 
 MakeFlight = Callable[..., Flight]
 
@@ -51,7 +51,7 @@ def _chase_again(flight: Flight) -> None:
 
 
 def test_processes_die_in_flight(make_flight: MakeFlight) -> None:
-    flight = make_flight("helm.link_loss_after_s=30", console=True)
+    flight = make_flight("helm.link_loss_after_s=30", LANDS_FAST, console=True)
     stack = flight.stack
     flight.take_off()
     flight.chase()

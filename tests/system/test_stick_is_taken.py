@@ -14,7 +14,7 @@ import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import common as mavlink
 
-from tests.system.flight import Flight, Seen
+from tests.system.flight import LANDS_FAST, Flight, Seen
 
 MakeFlight = Callable[..., Flight]
 FREEZER = Path(__file__).parent / "freezer"
@@ -65,6 +65,7 @@ def test_stick_changes_hands(make_flight: MakeFlight) -> None:
     flight = make_flight(
         "helm.link_loss_after_s=4",
         'helm.link_loss_action="return"',
+        LANDS_FAST,
         link=True,
         parked=True,
         environment={"PYTHONPATH": path},
