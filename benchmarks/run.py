@@ -81,7 +81,7 @@ def main(arguments: Sequence[str]) -> int:
     args = parser.parse_args(arguments)
     if args.list:
         for benchmark in BENCHMARKS.values():
-            print(f"{benchmark.name:16} {benchmark.doc}")
+            print(f"{benchmark.name:{max(map(len, BENCHMARKS))}}  {benchmark.doc}")
         return 0
     if args.name is not None and args.name not in BENCHMARKS:
         raise ConfigError(f"bench: {unknown_key_text(args.name, BENCHMARKS)}")

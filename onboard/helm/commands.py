@@ -185,21 +185,21 @@ _FOLLOW = _Source(
     lambda seen: seen.follow,
     State.FOLLOW,
     Event.FOLLOW,
-    "the follower has no target that it sees; choose one first with follow/do/select",
+    "the follower has no target that it sees; choose one first: a box on the console, or `outrider do follow-select`",
 )
 _APPROACH = _Source(
     "approach",
     lambda seen: seen.approach,
     State.APPROACH,
     Event.APPROACH,
-    "the approach has no target; choose one first with approach/do/select",
+    "the approach has no target; choose one first: on the console, or by `outrider do approach-select`",
 )
 _SEARCH = _Source(
     "search",
     lambda seen: seen.search,
     State.SEARCH,
     Event.SEARCH,
-    "there is no search under way; begin one first with search/do/start",
+    "there is no search under way; begin one first: on the console, or by `outrider do search-start`",
 )
 
 

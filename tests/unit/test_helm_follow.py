@@ -28,7 +28,7 @@ def _silent(desk: Desk) -> None:
 def test_the_follower_is_obeyed_until_its_target_is_away_for_long():
     desk = Desk(containment={"chase_without_target_s": 3.0}).fly()
     refused = desk.call("follow")
-    assert refused.answer is not None and "choose one first with follow/do/select" in refused.answer.reason
+    assert refused.answer is not None and "`outrider do follow-select`" in refused.answer.reason
     desk.follow = AHEAD
     desk.step()
     done = desk.call("follow")

@@ -135,7 +135,7 @@ def test_an_approach_is_obeyed_until_its_target_is_away_for_long():
 def test_a_search_is_obeyed_and_gives_way_to_an_approach():
     desk = Desk(containment={"chase_without_target_s": 4.0}).fly()
     refused = desk.call("search")
-    assert refused.answer and "begin one first with search/do/start" in refused.answer.reason
+    assert refused.answer and "`outrider do search-start`" in refused.answer.reason
     desk.search = Request(frame="ned", vector=(0.0, 0.8, 0.0))
     desk.approach = Request(frame="ned", vector=(0.8, 0.0, 0.0))
     desk.go(0.2)
