@@ -178,16 +178,17 @@ def test_randomness_is_seeded_and_passed_in() -> None:
     """No global generator, neither Python's nor NumPy's."""
 
     def unseeded(module: str) -> list[str]:
-        return [f"line {node.lineno}" for node in ast.walk(tree_of(module)) if _is_global_or_unseeded(node)]
+        nodes = (n for n in ast.walk(tree_of(module)) if isinstance(n, ast.Attribute | ast.Call))
+        return [f"line {node.lineno}" for node in nodes if _is_global_or_unseeded(node)]
 
     assert not broken(unseeded, modules())
 
 
-def _is_global_or_unseeded(node: ast.AST) -> bool:
-    if isinstance(node, ast.Attribute) and _dotted(node.value) in ("random", "np.random", "numpy.random"):
-        return node.attr not in ("Random", "Generator", "default_rng", "SeedSequence", "PCG64")
-    makes = isinstance(node, ast.Call) and _dotted(node.func).endswith(("random.Random", "default_rng"))
-    return makes and not node.args
+def _is_global_or_unseeded(node: ast.Attribute | ast.Call) -> bool:
+    if isinstance(node, ast.Call):
+        return _dotted(node.func).endswith(("random.Random", "default_rng")) and not node.args
+    of_random = _dotted(node.value) in ("random", "np.random", "numpy.random")
+    return of_random and node.attr not in ("Random", "Generator", "default_rng", "SeedSequence", "PCG64")
 
 
 def _dotted(node: ast.AST) -> str:
