@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 _DIRECTION_RAD, _START_RAD_S, _DENSITY = 0.01, 0.5, 1.5
 """Standard deviations of a measured direction, rad, and of its rate at the start, rad/s, and root of the spectral
 density of its acceleration, rad/s^1.5: a person, or what one carries, a metre or two away."""
+_MOST_OFF_RAD = math.pi / 3
+"""Angle beside the middle from which on no picture shows a target, rad."""
 _SIZE_MEMORY_S = 1.0
 """Time constant with which the size of what is expected follows the box, s."""
 _REACH, _REACH_1_S = 0.5, 2.0
@@ -69,7 +71,7 @@ class HeadFollower:
             None: unknown.
         """
         apart, off = self._backdrop.look(frame, *self._angles.tolist()), self._off()
-        if off is None or np.abs(off).max() > math.pi / 3:
+        if off is None or np.abs(off).max() > _MOST_OFF_RAD:
             return None
         away_s = (self._turned_ns - self._seen_ns) * 1e-9
         reach_px = (_REACH + _REACH_1_S * away_s) * math.sqrt(float(self._size.prod()))
@@ -84,10 +86,7 @@ class HeadFollower:
         """
         dt_s = (self._turned_ns - self._stepped_ns) * 1e-9
         self._stepped_ns = self._turned_ns
-        if box is not None:
-            off: Array | None = self._look(box)
-        else:
-            off = self._off()
+        off = self._off() if box is None else self._look(box)
         if off is None:
             return self._law.pan_rad, self._law.tilt_rad
         self._backdrop.learn(self._box(off))
