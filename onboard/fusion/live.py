@@ -12,7 +12,7 @@ from onboard.fusion.center import Fused
 from onboard.fusion.config import FusionConfig
 from onboard.fusion.foreseen import Foreseen
 from onboard.fusion.members import Ask, MemberPool
-from onboard.fusion.pictures import PictureFusion, may_move
+from onboard.fusion.pictures import PictureFusion
 
 log = logging.getLogger(__name__)
 _IDLE_S = 0.5
@@ -140,7 +140,7 @@ class LiveHabDf:
             elif (
                 wanted_ns is not None
                 and t_ns - wanted_ns < 1e9 * self._config.restart_every_s
-                and may_move(boxes[name] is not None and name not in fusion.astray, fused, box, frame.shape)
+                and fusion.may_move(boxes[name] is not None and name not in fusion.astray)
                 and member.ask(Ask("place", t_ns, frame.shape, box), frame)
             ):
                 del self._wanted[name]

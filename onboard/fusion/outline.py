@@ -16,7 +16,6 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from common.evaluation import jaccard
 from common.tracking.appearance import upright_patch
 from common.tracking.base import Box, center_of, size_of
 
@@ -36,10 +35,10 @@ _LIMIT = 0.08
 """Least preference for the target's motion of what belongs to it, -1 to 1."""
 _CONTRAST = 0.3
 """Least difference of the mean preferences within the found rectangle and around it."""
-_TRIALS, _MOST_TRIALS, _TRIED = 5, 40, 0.6
-"""Maps of a time in which it looks as it did that are needed for the box to grow, and kept, and least overlap in
-most of them of the box with what moves: of a face that moves with a body it is less, and the motion then tells nothing
-about the face."""
+_TRIALS, _MOST_TRIALS, _BEYOND = 5, 40, 0.5
+"""Maps of a time in which it looks as it did that are needed for the box to grow, and kept, and how far beyond the box
+what moves may reach on any side in most of them, box sides: around a face that moves with a body it reaches further,
+and the motion then tells nothing about the face; around a whole thing that begins to turn, a little on every side."""
 _AS_EVER, _SURELY_AS_EVER = 0.78, 0.82
 """Correlation with its usual look above which it has not turned (0.8 to 0.98 where it has not, else 0.1 to 0.7), and
 above which maps tell whether the box is the whole."""
@@ -131,11 +130,10 @@ class Outline:
         if inside.all() or self._map[inside].mean() - self._map[~inside].mean() < _CONTRAST:
             return None
         if self._alike > _SURELY_AS_EVER:
-            one = (float(left), float(up), float(right - left), float(down - up))
-            self._trials.append(jaccard(one, (_FIRST, _FIRST, _BOX_CELLS, _BOX_CELLS)))
+            self._trials.append(max(_FIRST - left, _FIRST - up, right - _LAST, down - _LAST) / _BOX_CELLS)
         if self._alike > _AS_EVER:
             return np.zeros(4)
-        if len(self._trials) < _TRIALS or float(np.median(self._trials)) < _TRIED:
+        if len(self._trials) < _TRIALS or float(np.median(self._trials)) > _BEYOND:
             return None
         outside = np.array([_FIRST - left, _FIRST - up, right - _LAST, down - _LAST]) / _BOX_CELLS
         outside -= np.clip(outside, -_BLUR, _BLUR)

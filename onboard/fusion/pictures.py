@@ -14,17 +14,19 @@ import cv2
 import numpy as np
 
 from common.tracking.base import Box, Expectation, TrackResult, upright_box
+from onboard.fusion.answer import agreed
 from onboard.fusion.camera_motion import CameraMotion, expectation
 from onboard.fusion.center import Fused, Fusion
 from onboard.fusion.characters import source_of
 from onboard.fusion.config import FusionConfig
+from onboard.fusion.copies import Copies
 from onboard.fusion.foreseen import Foreseen
 from onboard.fusion.members import Answer
 from onboard.fusion.place import PlaceCheck
 from onboard.fusion.riding import Riding
 from onboard.fusion.silhouette import SILHOUETTE
 from onboard.fusion.source import Measurement
-from onboard.fusion.witness import Verdict, Witness, agreed
+from onboard.fusion.witness import Verdict, Witness
 
 _LEAST_SIDE_PX = 6.0
 _DOUBTED = 0.25
@@ -60,7 +62,7 @@ class PictureFusion:
         self._fusion = Fusion([*(source_of(name) for name in names), SILHOUETTE], config)
         self._several = len(set(names)) > 1
         self._witness = Witness(self.grey, box, t_ns, len(set(names)))
-        self._riding = Riding()
+        self._riding, self._copies = Riding(), Copies()
         self._camera = CameraMotion()
         self._camera.see(self.grey, t_ns)
         self._given: dict[str, int] = {}
@@ -81,7 +83,7 @@ class PictureFusion:
         box, fused = self.box, self.fused
         if box is None or fused is None:
             return False
-        return self._place.is_it(box) or self._witness.vouches(self.grey, box, fused)
+        return self._place.is_it(box) or self._witness.vouches(self.grey, box, self._copies.without(fused))
 
     @property
     def astray(self) -> frozenset[str]:
@@ -102,6 +104,17 @@ class PictureFusion:
         before, self.place_px = self.place_px, self._camera.see(self.grey, t_ns, moved_px)
         if self.fused is not None:
             self.fused = _shifted(self.fused, self.place_px - before)
+
+    def may_move(self, sees: bool) -> bool:
+        """Whether a tracker that has drifted, and sees a target or does not, may be put on the answer.
+
+        One that sees a target itself is as sure as a single other that it would be made to follow. Nor is it put on
+        what the picture's edge cuts: trackers that shrink onto what is left of the target agree there against the one
+        that does not.
+        """
+        if not sees or self.fused is None or self.box is None:
+            return not sees
+        return agreed(self._copies.without(self.fused)) and whole(self.box, self.grey.shape)
 
     def given(self, name: str) -> None:
         """A tracker has been given the newest picture."""
@@ -143,7 +156,9 @@ class PictureFusion:
             self._fit(float(fused.value[3]), float(fused.value[2]))
             box = self.box
             if measurements and box is not None:
-                self._witness.learn(self.grey, box, fused)
+                self._witness.learn(self.grey, box, self._copies.without(fused))
+                if not self._witness.found:
+                    self._copies.firm()
         return fused
 
     def _of_thing(self, answers: Mapping[str, Answer]) -> list[Measurement]:
@@ -166,6 +181,7 @@ class PictureFusion:
         """A tracker was put on the answer in the newest picture."""
         self.given(name)
         self._riding.moved(name)
+        self._copies.put(name, self._t_ns, found=self._witness.found and self._place.box is None)
         self._place.put(name)
         self._fusion.forget(name)
 
@@ -179,8 +195,9 @@ class PictureFusion:
         stretches = self._riding.look(self.grey, self._t_ns, self.place_px, seen)
         boxes = {name: self._place.fitted(box) for name, box in seen.items()}
         foreseen, confirmed = self._place.box, self._place.confirmed(boxes)
+        copies = self._copies.names(self._t_ns)
         verdict = self._witness.judge(
-            self.grey, boxes, self._several, self.fused, self._t_ns, foreseen, stretches, confirmed
+            self.grey, boxes, self._several, self.fused, self._t_ns, foreseen, stretches, confirmed, copies
         )
         for name in verdict.begun:
             self._fusion.forget(name, follow=True)
@@ -189,16 +206,6 @@ class PictureFusion:
     def _fit(self, width: float, height: float) -> None:
         self._size = (max(width, _LEAST_SIDE_PX), max(height, _LEAST_SIDE_PX))
         self._fusion.unit = np.full(4, math.sqrt(self._size[0] * self._size[1]))
-
-
-def may_move(sees: bool, fused: Fused, box: Box, shape: tuple[int, ...]) -> bool:
-    """Whether a tracker that has drifted may be put on the fused answer, a box of a picture of this shape.
-
-    One that sees a target itself is as sure as a single other that it would be made to follow. Nor is it put on what
-    the picture's edge cuts: trackers that shrink onto what is left of the target agree there against the one that does
-    not.
-    """
-    return not sees or (agreed(fused) and whole(box, shape))
 
 
 def whole(box: Box, shape: tuple[int, ...]) -> bool:

@@ -94,7 +94,9 @@ def gone(similar: Mapping[str, float], boxes: Mapping[str, Box], kept: Box, like
     return frozenset() if any(similar[n] > likeness + CLEARLY for n in away) else away
 
 
-def rivals(similar: Mapping[str, float], boxes: Mapping[str, Box], last: Box) -> frozenset[str]:
+def rivals(
+    similar: Mapping[str, float], boxes: Mapping[str, Box], last: Box, copies: frozenset[str] = frozenset()
+) -> frozenset[str]:
     """The two or more trackers that agree elsewhere than those at the answer, and are at least as credible as these.
 
     That is: they look clearly more like the target on average, or are more and look hardly less so; where nobody is at
@@ -104,8 +106,9 @@ def rivals(similar: Mapping[str, float], boxes: Mapping[str, Box], last: Box) ->
         similar: likeness of each tracker's box, 0 to 1.
         boxes: the same trackers' boxes, px.
         last: the answer, moved with the picture, px.
+        copies: trackers that were put on the answer, and do not count there.
     """
-    there = [name for name, box in boxes.items() if jaccard(box, last) > _THERE]
+    there = [name for name, box in boxes.items() if jaccard(box, last) > _THERE and name not in copies]
     away = {name: box for name, box in boxes.items() if jaccard(box, last) < _APART and similar[name] >= LIKE}
     together = [frozenset(n for n in away if jaccard(away[n], box) > TOGETHER) for box in away.values()]
     group = max(together, key=lambda names: (len(names), sum(similar[n] for n in names)), default=frozenset())

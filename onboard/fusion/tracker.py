@@ -24,7 +24,7 @@ from onboard.fusion.config import FusionConfig, HabDfConfig
 from onboard.fusion.foreseen import Foreseen
 from onboard.fusion.members import Answer
 from onboard.fusion.outline import Outline
-from onboard.fusion.pictures import PictureFusion, may_move
+from onboard.fusion.pictures import PictureFusion
 
 _STATES: Mapping[str, TrackState] = {
     "waiting": "lost",
@@ -135,7 +135,7 @@ class HabDfTracker:
         astray = fusion.astray
         drifted = sorted({*fused.restart, *astray})
         sees = {name: self.answers[name].state == "tracking" and name not in astray for name in drifted}
-        self._put(fusion, frame, box, [n for n in drifted if may_move(sees[n], fused, box, frame.shape)], t_ns)
+        self._put(fusion, frame, box, [n for n in drifted if fusion.may_move(sees[n])], t_ns)
 
     def _put(self, fusion: PictureFusion, frame: np.ndarray, box: Box, names: Iterable[str], t_ns: int) -> None:
         for name in names:

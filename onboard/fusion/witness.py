@@ -15,6 +15,7 @@ import numpy as np
 
 from common.evaluation import jaccard
 from common.tracking.base import Box
+from onboard.fusion.answer import RELIABLE, agreed, box_of
 from onboard.fusion.center import Fused
 from onboard.fusion.doubt import ALONE_UNLIKE, doubted, found_alone, same_as
 from onboard.fusion.look import Look
@@ -44,14 +45,10 @@ _UNDECIDED_S = 0.06
 """How long the answer must have been without support before one tracker is chosen to speak, s."""
 _CHOSEN = 0.5
 """Least relative similarity of the one that is chosen."""
-_KEPT_S = 0.4
+_KEPT_S = 1.0
 """For how long after two have agreed the target is believed where its motion leads, though all have left it, s."""
 _NEAR_EXPECTED = 0.3
 """Overlap with that place above which a tracker has not gone."""
-_RELIABLE = 0.5
-"""Least reliability of a tracker that speaks for the fused box."""
-_AGREED = 1.2
-"""Least sum of the reliabilities of two trackers or more that speak for the fused box."""
 _OUTVOTED_S = 0.5
 """How long two must have agreed elsewhere for the one that is where the answer is to be given up, s."""
 _TOGETHER_S = 0.12
@@ -93,8 +90,10 @@ class Witness:
         """Whether the answer has rested on nobody since two trackers, or a sure look, last spoke for it."""
         self._spoke: dict[str, int] = {}
         """When each tracker last spoke for the answer, ns."""
-        self._found = False
+        self.found = False
         """Whether the answer has been without support since it was last firm: it may have been found, not followed."""
+        self._refound = False
+        """Whether anybody has spoken for it since: till then it is where the target's own motion leads."""
         self._look = Look(grey, box, t_ns)
 
     def judge(
@@ -107,6 +106,7 @@ class Witness:
         foreseen: Box | None = None,
         stretches: Mapping[str, Stretch] = MappingProxyType({}),
         confirmed: frozenset[str] = frozenset(),
+        copies: frozenset[str] = frozenset(),
     ) -> Verdict:
         """Compare the boxes that trackers report in a picture with what the target has looked like.
 
@@ -119,15 +119,17 @@ class Witness:
             foreseen: where the target's motion over ground leads one to expect it, px; None: unknown.
             stretches: since when each tracker has seen the target without a break, and whether what it sees moves.
             confirmed: trackers that agree with another source where, by a depth camera, the target is.
+            copies: trackers that were put on an answer that was found: what they find there shows nothing.
         """
         fused = None if fused is None or fused.state == "waiting" else fused
         if fused is not None and fused.state != "tracking" and t_ns - self._supported_ns >= _BROKEN_S * 1e9:
             self._broken = True
-        self._found |= fused is not None and self._undecided(fused, t_ns)
+        self.found |= fused is not None and self._undecided(fused, t_ns)
+        self._refound = self.found and fused is not None and (self._refound or fused.state == "tracking")
         self._look.see(grey, t_ns)
         bare = {name: self._look.likeness(grey, box) for name, box in boxes.items()}
         if foreseen is None:
-            overruling = self._overruling(bare, boxes, fused, t_ns)
+            overruling = self._overruling(bare, boxes, copies, fused, t_ns)
             if overruling:
                 return Verdict(frozenset(), frozenset(boxes.keys() - overruling), tuple(sorted(overruling)))
             kept = self._kept(grey, bare, boxes, fused, t_ns)
@@ -140,7 +142,8 @@ class Witness:
         others = frozenset(boxes.keys() - majority) if majority else others
         similar = {name: likeness for name, likeness in similar.items() if name not in others}
         boxes = {name: box for name, box in boxes.items() if name not in others}
-        among = None if fused is None or not several else _box_of(fused)
+        # Where somebody foresees its place, what was expected is that, and the answer is where it was.
+        among = None if fused is None or not several else box_of(fused, t_ns if foreseen is None else None)
         begun = majority or self._choose(similar, boxes, fused, t_ns) or found_alone(similar, boxes, among)
         heard = boxes.keys() if self._chosen is None else {self._chosen, *same_as(self._chosen, boxes)}
         stretches = stretches if foreseen is None else {}
@@ -160,7 +163,7 @@ class Witness:
 
     def _leniently(self, likeness: float, box: Box, fused: Fused | None, foreseen: Box | None) -> float:
         """Likeness of a box, more in a picture that has lost its detail, if the target was expected there."""
-        there = fused is not None and jaccard(box, _box_of(fused)) > _NEAR_EXPECTED
+        there = fused is not None and jaccard(box, box_of(fused)) > _NEAR_EXPECTED
         return min(1.0, likeness / self._look.clearness) if there or foreseen is not None else likeness
 
     def _kept(
@@ -170,16 +173,23 @@ class Witness:
 
         A thing that crosses one that looks the same takes them along; its own motion tells it from the other.
         """
-        if fused is None or fused.state == "lost" or not boxes or self._found or t_ns - self._agreed_ns > _KEPT_S * 1e9:
+        if fused is None or fused.state == "lost" or not boxes or self._refound:
             return None
-        expected = _box_of(fused, t_ns)
+        if t_ns - self._agreed_ns > _KEPT_S * 1e9:
+            return None
+        expected = box_of(fused, t_ns)
         if any(jaccard(box, expected) > _NEAR_EXPECTED for box in boxes.values()):
             return None
         box, likeness = self._look.best_near(grey, expected)
         return box if gone(bare, boxes, box, likeness) else None
 
     def _overruling(
-        self, similar: Mapping[str, float], boxes: Mapping[str, Box], fused: Fused | None, t_ns: int
+        self,
+        similar: Mapping[str, float],
+        boxes: Mapping[str, Box],
+        copies: frozenset[str],
+        fused: Fused | None,
+        t_ns: int,
     ) -> frozenset[str]:
         """Trackers elsewhere than an answer on which few agree, and that look more like the target.
 
@@ -189,7 +199,7 @@ class Witness:
         """
         if fused is None or fused.state == "lost":
             return frozenset()
-        last = _box_of(fused)
+        last = box_of(fused)
         alone = frozenset[str]()
         if fused.state == "tracking" and t_ns - self._agreed_ns >= _ALONE_S * 1e9:
             alone = outshining(similar, boxes, last)
@@ -197,7 +207,7 @@ class Witness:
             self._dull_ns = t_ns
         if t_ns - self._dull_ns >= _OUTSHONE_S * 1e9:
             return alone
-        return rivals(similar, boxes, last) if self._found else frozenset()
+        return rivals(similar, boxes, last, copies) if self.found else frozenset()
 
     def _others(
         self,
@@ -211,7 +221,7 @@ class Witness:
         """Trackers that are at another thing than the target, by where and how large their box is."""
         if fused.state == "lost":
             return frozenset()  # where it is predicted says nothing any more
-        last = _box_of(fused)
+        last = box_of(fused)
         far = out_of_reach(boxes, last, max(0, t_ns - self._agreed_ns) * 1e-9)
         if not several:
             return far
@@ -241,14 +251,14 @@ class Witness:
 
     def learn(self, grey: np.ndarray, box: Box, fused: Fused) -> None:
         """Learn the fused box where trackers that agree speak for it, and from time to time what else is like it."""
-        self._spoke |= {name: fused.t_ns for name, j in fused.sources.items() if j.reliability > _RELIABLE}
+        self._spoke |= {name: fused.t_ns for name, j in fused.sources.items() if j.reliability > RELIABLE}
         if sum(fused.t_ns - spoke_ns <= _TOGETHER_S * 1e9 for spoke_ns in self._spoke.values()) >= self._firm:
-            self._found = False
+            self.found = False
         if agreed(fused) or (self._broken and self._look.likeness(grey, box) >= SURELY):
             self._broken = False
         if agreed(fused):
             self._agreed_ns = fused.t_ns
-        self._look.learn(grey, box, sure=agreed(fused) and not self._found)
+        self._look.learn(grey, box, sure=agreed(fused) and not self.found)
 
     def vouches(self, grey: np.ndarray, box: Box, fused: Fused) -> bool:
         """Whether trackers may be put on the fused box: several speak for it, or it looks like the target.
@@ -281,18 +291,3 @@ class Witness:
     def _undecided(self, fused: Fused, t_ns: int) -> bool:
         """Whether the answer has been without support for longer than one picture that went wrong."""
         return fused.state != "tracking" and t_ns - self._supported_ns >= _UNDECIDED_S * 1e9
-
-
-def _box_of(fused: Fused, t_ns: int | None = None) -> Box:
-    """The answer's box, px, where it was, or where it is to be expected in a later picture."""
-    value = fused.value
-    if t_ns is not None:
-        value = value + np.array([1.0, 1.0, 0.0, 0.0]) * fused.rate * ((t_ns - fused.t_ns) * 1e-9)
-    u, v, height, width = value.tolist()
-    return u - width / 2, v - height / 2, width, height
-
-
-def agreed(fused: Fused) -> bool:
-    """Whether two trackers or more speak for the fused answer."""
-    agreeing = [j.reliability for j in fused.sources.values() if j.reliability > _RELIABLE]
-    return len(agreeing) >= 2 and sum(agreeing) >= _AGREED

@@ -49,6 +49,18 @@ def test_a_side_that_comes_into_view_and_moves_along_belongs_to_it() -> None:
     assert jaccard(whole, ridden) > 0.9, "the side has turned away again"
 
 
+def test_a_box_drawn_within_a_thing_is_the_whole_where_little_reaches_beyond_it_on_any_side() -> None:
+    outline = Outline()
+    for number in range(40):
+        x, shown = 20 + 5 * number, 40 if number < 15 else 64
+        picture = GROUND.copy()
+        picture[90:140, x : x + shown] = _turned(shown)
+        ridden: Box = (x + 5.0, 97.0, 30.0, 36.0)
+        whole = outline.whole(picture, number * 50_000_000, STILL, ridden)
+    true = (float(x), 90.0, 64.0, 50.0)
+    assert jaccard(whole, true) > 0.7 > jaccard(ridden, true) + 0.3
+
+
 def test_what_moves_along_beside_a_thing_that_looks_as_at_first_is_another_thing() -> None:
     outline = Outline()
     _followed(outline, 0, 15, 40)

@@ -50,6 +50,9 @@ def test_two_that_agree_elsewhere_overrule_those_at_the_answer_if_they_look_more
     one: dict[str, Box] = {"here": NEAR, "a": TWIN, "b": TWIN}
     assert rivals({"here": 0.7, "a": 0.65, "b": 0.7}, one, LAST) == {"a", "b"}, "two against one"
     assert not rivals({"here": 0.9, "a": 0.65, "b": 0.7}, one, LAST)
+    assert rivals({"here": 0.6, "too": 0.6, "a": 0.65, "b": 0.6}, boxes, LAST, frozenset({"too"})) == {"a", "b"}, (
+        "one was put there"
+    )
     nobody: dict[str, Box] = {"a": TWIN, "b": TWIN}
     assert rivals({"a": 0.9, "b": 0.8}, nobody, LAST) == {"a", "b"}, "nobody is there, and they surely look like it"
     assert not rivals({"a": 0.6, "b": 0.7}, nobody, LAST)

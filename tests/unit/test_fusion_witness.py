@@ -6,12 +6,14 @@ import cv2
 import numpy as np
 
 from common.tracking.base import Box
+from onboard.fusion.answer import agreed
 from onboard.fusion.center import Fused, FusionState
+from onboard.fusion.config import FusionConfig
 from onboard.fusion.doubt import doubted
-from onboard.fusion.pictures import may_move, whole
+from onboard.fusion.pictures import PictureFusion, whole
 from onboard.fusion.riding import Stretch
 from onboard.fusion.source import Judgement
-from onboard.fusion.witness import Witness, agreed
+from onboard.fusion.witness import Witness
 
 GREY = cv2.GaussianBlur(np.random.default_rng(0).integers(0, 255, (240, 320), np.uint8), (0, 0), 2.0)
 BOX: Box = (100.0, 80.0, 40.0, 30.0)
@@ -110,11 +112,20 @@ def test_it_learns_only_where_two_agree_and_then_vouches_for_what_it_learned() -
 
 
 def test_one_that_sees_a_target_is_moved_only_where_two_agree_on_a_whole_box() -> None:
-    shape, cut = (240, 320, 3), (100.0, 220.0, 40.0, 30.0)
-    assert may_move(True, _fused("tracking", 1.0, 0.9), BOX, shape)
-    assert not may_move(True, _fused("tracking", 1.0, 0.1), BOX, shape)
-    assert not may_move(True, _fused("tracking", 1.0, 0.9), cut, shape), "both may have shrunk onto what is left"
-    assert may_move(False, _fused("tracking", 1.0, 0.1), cut, shape), "it has nothing of its own to lose"
+    fusion = PictureFusion(("m0", "m1"), FusionConfig(), cv2.cvtColor(GREY, cv2.COLOR_GRAY2BGR), BOX, 0)
+    fusion.fused = _fused("tracking", 1.0, 0.9)
+    assert fusion.may_move(sees=True)
+    fusion.fused = _fused("tracking", 1.0, 0.1)
+    assert not fusion.may_move(sees=True)
+    assert fusion.may_move(sees=False), "it has nothing of its own to lose"
+    both = fusion.fused = _fused("tracking", 1.0, 0.9)
+    fusion._witness.found = True
+    fusion.put("m1")
+    assert not fusion.may_move(sees=True), "one was put on what the other has found"
+    fusion._witness.found = False
+    fusion.put("m1")
+    fusion.fused = Fused(0, "tracking", np.array([120.0, 235.0, 30.0, 40.0]), *_rest(both))
+    assert not fusion.may_move(sees=True), "both may have shrunk onto what is left"
 
 
 def test_a_box_that_touches_the_edge_is_not_whole() -> None:
@@ -235,11 +246,34 @@ def test_where_all_go_over_to_a_thing_that_looks_the_same_the_target_is_kept_whe
     assert verdict.silent == {"a", "b"}
     assert verdict.kept is not None
     assert np.allclose(verdict.kept, BOX, atol=1.0)
-    assert Witness(GREY, BOX, 0).judge(twins, gone, True, moving, 600_000_000).kept is None, "too long ago"
+    assert Witness(GREY, BOX, 0).judge(twins, gone, True, moving, 1_100_000_000).kept is None, "too long ago"
     assert Witness(GREY, BOX, 0).judge(twins, gone | {"c": BOX}, True, moving, 50_000_000).kept is None, (
         "one has stayed"
     )
     assert Witness(GREY, BOX, 0).judge(twins, gone, True, moving, 50_000_000, BOX).kept is None, "somebody foresees it"
+
+
+def test_the_target_is_kept_where_its_motion_leads_until_somebody_has_found_it_again() -> None:
+    twins = GREY.copy()
+    twins[118:152, 148:192] = GREY[78:112, 98:142]
+    found: dict[str, Box] = {"a": (150.0, 120.0, 40.0, 30.0)}
+    predicted, tracking = _fused("predicted"), _fused("tracking", 1.0, 0.0)
+    witness = Witness(GREY, BOX, 0)
+    for k in range(1, 8):
+        witness.judge(twins, {}, True, predicted, k * 50_000_000)
+    kept = witness.judge(twins, found, True, predicted, 400_000_000).kept
+    assert kept is not None and np.allclose(kept, BOX, atol=1.0), "nobody has spoken for the answer since"
+    witness.judge(twins, {"a": BOX}, True, tracking, 450_000_000)
+    assert witness.judge(twins, found, True, tracking, 500_000_000).kept is None, "that may be another thing"
+
+
+def test_one_that_has_followed_a_small_fast_target_is_where_the_answer_was() -> None:
+    turned, moving = GREY.copy(), _fused("tracking", 1.0, 0.1)
+    turned[80:110, 100:140] = 0.2 * GREY[80:110, 100:140] + 0.8 * GREY[200:230, 20:60]
+    moving = Fused(0, "tracking", np.array([90.0, 95.0, 30.0, 40.0]), *_rest(moving))
+    moving.rate[:2] = (600.0, 0.0)  # 30 px a picture: most of its width
+    ever_since = {"a": Stretch(0, rides=True)}
+    assert not Witness(GREY, BOX, 0).judge(turned, {"a": BOX}, True, moving, 50_000_000, stretches=ever_since).doubted
 
 
 def test_one_at_the_answer_is_doubted_for_one_elsewhere_only_if_that_looks_far_more_like_the_target() -> None:
