@@ -16,8 +16,9 @@ from common.geometry.camera import Camera
 from common.tracking.base import Box
 from onboard.follow.unicycle import Drive, UnicycleConfig, UnicycleLaw
 from onboard.fusion.config import DepthConfig
-from onboard.fusion.depth import DepthFusion
+from onboard.fusion.depth import DepthEstimate, DepthFusion
 from onboard.fusion.foreseen import Foreseen
+from onboard.fusion.lasting import Lasting
 from onboard.fusion.motion import MotionFilter
 
 Array = NDArray[np.float64]
@@ -26,11 +27,18 @@ _PLACE_M, _START_M_S, _DENSITY = 0.02, 0.3, 0.8
 of the target's acceleration, m/s^1.5: what is pushed or drives over a floor."""
 _NEAREST_M, _REACH_M_S2 = 0.2, 0.3
 """Least distance at which a target is expected in the picture, m, and half of its acceleration, m/s²."""
-_NEARER_M = 0.2
-"""How much nearer or farther than foreseen a target that is seen may be, m: less than what is pushed before it."""
+_NEAREST = 0.75
+"""How near a target that is seen may be, of the distance that is foreseen: what is pushed before it is nearer."""
+_RIM = 0.25
+"""Share of a box's side at either end that is no part of its middle."""
 _FORM_MEMORY_S, _MOST_GROWN = 3.0, 1.1
 """Time constant with which what is known of the target's size over ground follows the box, s, and how many times as
 large, or as small, as at the first it may become: what is rigid looks narrower or wider as it turns, no more."""
+_MEASURES = 0.1
+"""R_ζ up to which the sensor measures; from 1 less that on it does not."""
+_WITHIN, _SILENT_S, _BREAK_S = 0.95, 1.0, 0.2
+"""Share of the greatest distance that was measured within which a target would be; how long it must not be for it to be
+farther, s: what is pushed before it has passed by then; and the longest break in that, s."""
 _STANDS = Drive(0.0, 0.0, None)
 
 
@@ -55,7 +63,8 @@ class RobotFollower:
         """Width, height and how far below the camera its middle is, m."""
         self._looked_at = (0.0, 0.0)
         """Speed, m/s, and turn, rad/s, of the wheels when a box was last taken in."""
-        self._seen_ns = 0
+        self._seen_ns = self._measured_ns = 0
+        self._range_m, self._silent = 0.0, Lasting(_BREAK_S)
 
     @property
     def distance_m(self) -> float:
@@ -92,7 +101,9 @@ class RobotFollower:
         width, height = camera.fx_px * width / ahead, camera.fy_px * height / ahead
         box = float(u - width / 2), float(v - height / 2), float(width), float(height)
         moved_px = u - before[0], v - before[1]
-        return Foreseen(box, float(ahead), _REACH_M_S2 * self._away_s**2, moved_px=moved_px)
+        # Where the size alone says how far it is, the distance cannot say how large it may look.
+        unmeasured_s = (self._rolled_ns - self._measured_ns) * 1e-9
+        return Foreseen(box, float(ahead), _REACH_M_S2 * unmeasured_s**2, moved_px=moved_px)
 
     def step(self, box: Box | None, depth_m: Array | None) -> Drive:
         """What to ask of the wheels for the picture of the time of the last `roll`.
@@ -146,14 +157,31 @@ class RobotFollower:
         return np.array([-self._camera.fx_px * float(turn), 0.0, -float(speed)])
 
     def _own_depth(self, depth_m: Array | None) -> Array | None:
-        """Depth inside the box, (h, w), m, without what is nearer or farther than the target can be: 0 there.
+        """Depth in the middle of the box, (h, w), m, without what is nearer than the target can be: 0 there.
 
-        What slides between covers a part of the box while trackers still see the rest.
+        What slides between covers a part of the box while trackers still see the rest. At its rim the box shows what is
+        behind, the more the larger it has become.
         """
-        if depth_m is None or self._target is None:
-            return depth_m
-        off_m = np.abs(depth_m - self._ahead(self._rolled_ns)[0])
-        return np.where(off_m < _NEARER_M + _REACH_M_S2 * self._away_s**2, depth_m, 0.0)
+        if depth_m is None:
+            return None
+        rows, columns = (slice(round(_RIM * n), max(round(_RIM * n) + 1, round((1 - _RIM) * n))) for n in depth_m.shape)
+        middle = depth_m[rows, columns]
+        if self._target is None:
+            return middle
+        nearest_m = _NEAREST * self._ahead(self._rolled_ns)[0] - _REACH_M_S2 * self._away_s**2
+        return np.where(middle > nearest_m, middle, 0.0)
+
+    def _hold_against_range(self, t_ns: int, box: Box, estimate: DepthEstimate, *, with_depth: bool) -> None:
+        """Where the sensor has measured a target before, and for long does not, it is farther than its size says.
+
+        Beyond the range all trackers' boxes may grow together, and the robot would stop just there.
+        """
+        if estimate.reliability < _MEASURES:
+            self._range_m, self._measured_ns = max(self._range_m, estimate.tof_m), t_ns
+        nearer = float(estimate.position[2]) < _WITHIN * self._range_m
+        silent = with_depth and nearer and estimate.reliability > 1.0 - _MEASURES
+        if self._silent.note(silent, t_ns) >= _SILENT_S:
+            self._depth.correct((box[2], box[3]), self._range_m)
 
     def _look(self, box: Box, depth_m: Array | None) -> None:
         camera, t_ns = self._camera, self._rolled_ns
@@ -161,6 +189,7 @@ class RobotFollower:
         estimate = self._depth.update(t_ns, centre, (box[2], box[3]), self._own_depth(depth_m), self._control())
         if estimate is None:
             return
+        self._hold_against_range(t_ns, box, estimate, with_depth=depth_m is not None)
         ahead = float(estimate.position[2])
         right, down = (centre[0] - camera.cx_px) / camera.fx_px, (centre[1] - camera.cy_px) / camera.fy_px
         c, s = math.cos(self._yaw_rad), math.sin(self._yaw_rad)

@@ -21,9 +21,11 @@ CHARACTERS = {
     "particle_filter": Character(place=0.1, size=0.2, vouches=0.4),
     "mil": Character(place=0.15, size=0.4, vouches=0.2),
     "tld": Character(size=0.2),
+    "cmt": Character(size=0.04),
 }
 """By name; another tracker has the defaults. From each one's error while it has the target, on a face, a pedestrian and
-a car. TLD's windows have sizes a fifth apart. The colour filter and MIL also follow what is not the target, so neither
+a car. TLD's windows have sizes a fifth apart. CMT measures each size against the first picture, by all its keypoints; who
+measures it against the last one drifts, and takes those along who are put on the answer. The colour filter and MIL also follow what is not the target, so neither
 alone shows that it is seen."""
 
 

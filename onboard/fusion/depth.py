@@ -13,6 +13,8 @@ from onboard.fusion.weights import combine, outlier_weight
 
 _NOT_MEASURED = 1e9
 """Variance of a depth that nothing measured, m²."""
+_MOST_CORRECTED = 1.5
+"""How many times as large as at first K_z may be said to be: somebody drives up to the target by it."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,7 @@ class DepthFusion:
         self._image_px = image_px
         self._filter: MotionFilter | None = None
         self._taught = 0
+        self._first_scale_m = math.inf
         self.scale_m: float | None = None
         """K_z of eq. 3.11, m; None until the first valid time-of-flight distance."""
 
@@ -115,6 +118,20 @@ class DepthFusion:
         state, covariance = self._filter.state.copy(), self._filter.covariance.copy()
         return DepthEstimate(state[:3], state[3:], covariance, doubt, tof_m, scale_m)
 
+    def correct(self, size_px: tuple[float, float], distance_m: float) -> None:
+        """The target, of this width and height, px, is farther, m, than its size says: it is seen too large.
+
+        K_z grows to no more than 1.5 times what was learned at first.
+
+        Raises:
+            ValueError: a size or a distance that is not finite or not positive.
+        """
+        if not all(math.isfinite(v) and v > 0.0 for v in (*size_px, distance_m)):
+            raise ValueError(f"target: got size {size_px} px, {distance_m} m, expected finite, and above 0")
+        if self.scale_m is not None:
+            farther_m = distance_m / size_ratio(size_px, self._image_px)
+            self.scale_m = max(self.scale_m, min(farther_m, _MOST_CORRECTED * self._first_scale_m))
+
     def _teach(self, tof_m: float, doubt: float, ratio: float) -> None:
         """Learn K_z at the first reliable distance, and refine it by a mean that forgets slowly."""
         if doubt > self._config.reliable or not math.isfinite(tof_m):
@@ -122,7 +139,9 @@ class DepthFusion:
         self._taught += 1
         seen_m = tof_m / ratio
         gain = max(self._config.least_gain, 1.0 / self._taught)
-        self.scale_m = seen_m if self.scale_m is None else self.scale_m + gain * (seen_m - self.scale_m)
+        if self.scale_m is None:
+            self.scale_m = self._first_scale_m = seen_m
+        self.scale_m += gain * (seen_m - self.scale_m)
 
     def _distance(self, tof_m: float, scale_m: float, doubt: float) -> tuple[float, float] | None:
         """Both distances as one, m, and its variance, m² (eqs 3.13 to 3.15 with their floors)."""

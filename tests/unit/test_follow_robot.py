@@ -123,6 +123,22 @@ def test_what_slides_before_the_target_is_not_taken_for_its_distance() -> None:
     assert abs(drive.speed_m_s) < 0.05, "it does not come nearer"
 
 
+def test_what_is_beyond_the_range_is_not_kept_there_by_a_box_that_has_grown() -> None:
+    """It seems as near as it should be, where the sensor has always measured it; since it does not, it is farther."""
+    world = World((0.0, 0.0))
+    for far_m in (0.8, 0.97):
+        world.target = world.place + np.array([far_m, 0.0])
+        for _ in range(90):
+            world.step(True)
+    world.target, world.grown = world.place + np.array([1.12, 0.0]), 1.35
+    for k in range(150):
+        world.step(True)
+        if k == 20:
+            assert world.follower.distance_m < 0.92, "what is pushed before it passes by then"
+    assert world.ahead()[0] < 1.0, "it has driven up to where the sensor measures"
+    assert world.follower.distance_m == pytest.approx(world.ahead()[0], abs=0.03)
+
+
 def test_a_box_that_grows_by_half_at_the_same_distance_is_not_expected_so() -> None:
     world = World((0.0, 0.0))
     for _ in range(30):

@@ -127,3 +127,21 @@ def test_bad_input_is_refused(size: tuple[float, float], depth: np.ndarray | Non
     fusion.update(0, CENTER_PX, _box(0.6), _patch(0.6, 0.0))
     with pytest.raises(ValueError, match=words):
         fusion.update(t_ns, CENTER_PX, size, depth)
+
+
+def test_a_target_that_is_farther_than_its_size_says_is_seen_too_large_but_within_bounds() -> None:
+    fusion = DepthFusion(DepthConfig(), IMAGE_PX)
+    fusion.correct(_box(1.0), 2.0)
+    assert fusion.scale_m is None, "nothing is known yet"
+    for k in range(3):
+        fusion.update(k * 33_000_000, CENTER_PX, _box(0.8), _patch(0.8, 0.1))
+    first = fusion.scale_m
+    assert first is not None
+    fusion.correct(_box(0.8), 0.7)
+    assert fusion.scale_m == first, "nearer it is not"
+    fusion.correct(_box(0.8), 1.0)
+    assert fusion.scale_m == pytest.approx(1.25 * first, rel=0.01)
+    fusion.correct(_box(0.8), 5.0)
+    assert fusion.scale_m == pytest.approx(1.5 * first, rel=0.01)
+    with pytest.raises(ValueError, match="expected finite"):
+        fusion.correct(_box(0.8), math.nan)
