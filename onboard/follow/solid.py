@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from common.geometry.camera import Camera
 from common.geometry.rotation import quat_multiply, quat_to_matrix
 from common.tracking.base import Box
+from onboard.follow.sight import eye_of
 from onboard.fusion.foreseen import Foreseen
 from onboard.proximity.pose import Pose
 
@@ -26,6 +27,10 @@ _FLOOR_M, _FLOOR = 0.1, 0.05
 pose that is late, tilts it by so much."""
 _DEEP_M = 0.6
 """Greatest depth of a thing, m, between its nearest and its farthest tenth: floor and walls go on."""
+_STEP_M = 0.3
+"""Step between neighbouring pixels from which they are of two things, m."""
+_COVERS = 0.2
+"""Share of a thing that is as near as what covers the target from which it is that: the side of a screen is deeper."""
 _HOLES = np.ones((3, 3), np.uint8)
 _FOOT = 0.2
 """Share of a thing's height that is its lowest part."""
@@ -113,10 +118,12 @@ class Solid:
             return []
         rays = self._rays_of(depth_m.shape)[rows, columns]
         down = quat_to_matrix(quat_multiply(pose.ned_q_body, self._camera.body_q_camera))[2]
-        eye = pose.ned_p_m + quat_to_matrix(pose.ned_q_body) @ np.array(self._camera.body_p_camera_m)
+        eye = eye_of(self._camera, pose)
         above = part * (rays @ down) < -float(eye[2]) - _FLOOR_M - _FLOOR * part
-        mask = cv2.morphologyEx((above & foreseen.as_far(part)).astype(np.uint8), cv2.MORPH_CLOSE, _HOLES)
-        number, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+        as_far, of_cover = foreseen.things(part)
+        mask = cv2.morphologyEx((above & (as_far | of_cover)).astype(np.uint8), cv2.MORPH_CLOSE, _HOLES)
+        mask[_behind_an_edge(part)] = 0
+        number, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4)
         scale = self._camera.width / depth_m.shape[1]
         least = _LEAST_SHARE * foreseen.box[2] * foreseen.box[3] / scale**2
         things = []
@@ -124,6 +131,8 @@ class Solid:
             if area < least:
                 continue
             mine = labels[top : top + height, left : left + width] == label
+            if float(np.mean(of_cover[top : top + height, left : left + width][mine])) > _COVERS:
+                continue
             depths = part[top : top + height, left : left + width][mine]
             nearest_m, distance_m, farthest_m = np.percentile(depths[depths > 0.0], (10, 50, 90)).tolist()
             if farthest_m - nearest_m > _DEEP_M:
@@ -160,6 +169,19 @@ class Solid:
         """How far aside a thing stands of where the target is foreseen, m."""
         off_px = thing.foot - foreseen.box[0] - foreseen.box[2] / 2
         return abs(off_px) * foreseen.distance_m / self._camera.fx_px
+
+
+def _behind_an_edge(depth_m: Array) -> NDArray[np.bool_]:
+    """Which pixels of (h, w) lie beside one that is nearer by a step: what stands before a wall is none of the wall."""
+    behind = np.zeros(depth_m.shape, bool)
+    for here, there, marks in (
+        (depth_m[:-1], depth_m[1:], (behind[:-1], behind[1:])),
+        (depth_m[:, :-1], depth_m[:, 1:], (behind[:, :-1], behind[:, 1:])),
+    ):
+        known = (here > 0.0) & (there > 0.0)
+        marks[0][known & (here - there > _STEP_M)] = True
+        marks[1][known & (there - here > _STEP_M)] = True
+    return behind
 
 
 def _relation(box: Box, thing: Thing) -> Array:

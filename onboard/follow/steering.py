@@ -17,6 +17,7 @@ from onboard.follow.sight import Sight, TargetPlace, in_camera, in_ned, looks_ah
 from onboard.follow.solid import Solid
 from onboard.fusion.config import DepthConfig
 from onboard.fusion.foreseen import Foreseen, core_of
+from onboard.fusion.lasting import Lasting
 from onboard.proximity.pose import Pose
 
 Array = NDArray[np.float64]
@@ -25,8 +26,9 @@ _NEAREST_M = 0.3
 _ASIDE_M, _ASIDE_M_S2 = 0.5, 1.5
 """How far beside where he is foreseen he may be, m, and half of the acceleration with which he gets further, m/s²: who
 walks beside him is further off."""
-_INSISTED_S = 0.4
-"""How long several trackers must have agreed where he cannot be for his foreseen place to be given up, s."""
+_INSISTED_S, _BREAK_S = 0.4, 0.2
+"""How long several trackers must have agreed where he cannot be, or one have seen him while his place is empty, for his
+foreseen place to be given up, s, and the longest break in that."""
 _SIZE_MEMORY_S = 3.0
 """Time constant with which the size over ground follows the box, s: what slides before a target makes it smaller, and a
 tracker alone keeps its own size while the target's changes in the picture."""
@@ -64,7 +66,7 @@ class Steering:
         self._solid = Solid(self._camera)
         self._measured_ns = 0
         self._cover: Array | None = None
-        self._refused_ns = 0
+        self._insisted = Lasting(_BREAK_S)
         self._size_m: Array | None = None
         self._first_size_m = np.ones(2)
         self._with_depth = False
@@ -177,18 +179,18 @@ class Steering:
             about_m = float(in_camera(self._camera, pose, state.ned_p_m)[2])
         return core_of(depth_m, box, (self._camera.height, self._camera.width), about_m, self._gone_m(t_ns))
 
-    def _insisted(self, t_ns: int, refused: bool, sure: bool) -> bool:
-        """Whether boxes where he cannot be were sure for so long that he was never where he was foreseen."""
-        if not refused or not sure:
-            self._refused_ns = t_ns
-        return t_ns - self._refused_ns >= _INSISTED_S * 1e9
+    def _place_is_empty(self, t_ns: int, pose: Pose, depth_m: Array | None) -> bool:
+        """Whether the depth camera shows that he is not where he is foreseen."""
+        foreseen = self.expected(t_ns, pose, depth_m)
+        return foreseen is not None and foreseen.empty
 
     def _look(self, t_ns: int, box: Box, pose: Pose, depth_m: Array | None, sure: bool) -> None:
         foreseen = self._foreseen(t_ns, pose, depth_m)
         # What is there is nearer or farther than he can be, or beside: nobody steps aside so quickly.
         refused = foreseen is not None and bool(foreseen.excluded({"it": box}))
         refused |= self._beside_m(box, pose, t_ns) > self._reach_m(t_ns)
-        if self._insisted(t_ns, refused, sure):
+        insists = refused and (sure or self._place_is_empty(t_ns, pose, depth_m))
+        if self._insisted.note(insists, t_ns) >= _INSISTED_S:
             self._place.reset()
             foreseen = self._cover = None
         elif refused:

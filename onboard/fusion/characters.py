@@ -24,9 +24,9 @@ CHARACTERS = {
     "cmt": Character(size=0.04),
 }
 """By name; another tracker has the defaults. From each one's error while it has the target, on a face, a pedestrian and
-a car. TLD's windows have sizes a fifth apart. CMT measures each size against the first picture, by all its keypoints; who
-measures it against the last one drifts, and takes those along who are put on the answer. The colour filter and MIL also follow what is not the target, so neither
-alone shows that it is seen."""
+a car. TLD's windows have sizes a fifth apart. CMT measures each size against the first picture, by all its keypoints;
+who measures it against the last one drifts, and takes along who is put on the answer. The colour filter and MIL also
+follow what is not the target, so neither alone shows that it is seen."""
 
 
 def source_of(name: str) -> Source:

@@ -26,6 +26,8 @@ _HIS = 0.25
 """Least share of those that are as far away as the target must be."""
 _MOSTLY = 0.5
 """Share of those from which a box is of one thing."""
+_EMPTY = 0.9
+"""Share of the pixels there that must show what is behind for nobody to be there."""
 _NEARER_M = 0.5
 """How much nearer or farther than foreseen a target that is seen may be, m: less than what passes before it."""
 _OF_HIS_SIZE = 0.3
@@ -79,6 +81,20 @@ class Foreseen:
         core = None if self.depth_m is None else core_of(self.depth_m, self.box, self.shape)
         nearer = np.zeros(0) if core is None else core[(core > 0.0) & (core < self.distance_m - _NEARER_M)]
         return float(np.median(nearer)) if core is not None and len(nearer) > core.size / 2 else self.covered_m
+
+    @property
+    def empty(self) -> bool:
+        """Whether the depth camera shows that nobody is there: what is behind it, and nothing like the target."""
+        if self.depth_m is None or self.solid is not None or self.outside or not math.isfinite(self.distance_m):
+            return False
+        core = core_of(self.depth_m, self.box, self.shape)
+        behind_m = self.distance_m + self.reach_m + _NEARER_M
+        if core is None:
+            return False
+        behind = core > behind_m
+        if self._in_range(behind_m):
+            behind |= core == 0.0
+        return float(np.mean(behind)) > _EMPTY
 
     def whole(self, shape: tuple[int, ...]) -> Box | None:
         """Box of the one thing there that is no part of the surroundings, px of a picture of this shape; None: none."""
@@ -150,10 +166,14 @@ class Foreseen:
         if core is None:
             return False
         if len(known) < _KNOWN * core.size:
-            return self.measured and self.distance_m + self.reach_m + _NEARER_M < float(depth_m.max())
+            return self._in_range(self.distance_m + self.reach_m + _NEARER_M)
         if float(np.mean(self._of_cover(known, before_m))) > _MOSTLY:
             return True
         return self._share(box, core, before_m) < _HIS
+
+    def _in_range(self, distance_m: float) -> bool:
+        """Whether the camera would measure the target up to a distance, m: what it does not measure is farther."""
+        return self.measured and self.depth_m is not None and distance_m < float(self.depth_m.max())
 
     def _share(self, box: Box, core: Array | None, before_m: float) -> float:
         """Share of the measured pixels in the middle of a box that are as far as the target can be.
@@ -170,9 +190,10 @@ class Foreseen:
             return 0.0
         return len(his) / len(known)
 
-    def as_far(self, depth_m: Array) -> NDArray[np.bool_]:
-        """Which depths, m, of any shape, are as far as the target can be, and not of what covers it."""
-        return self._as_far(depth_m, self.before_m)
+    def things(self, depth_m: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Which depths, m, of any shape, are as far as the target can be, and which are of what covers it."""
+        before_m = self.before_m
+        return self._as_far(depth_m, before_m), self._of_cover(depth_m, before_m)
 
     def _as_far(self, depth_m: Array, before_m: float) -> NDArray[np.bool_]:
         near = np.abs(depth_m - self.distance_m) < _NEARER_M + self.reach_m

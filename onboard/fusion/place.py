@@ -12,6 +12,7 @@ from common.evaluation import jaccard
 from common.tracking.base import Box
 from onboard.fusion.doubt import together
 from onboard.fusion.foreseen import Foreseen
+from onboard.fusion.lasting import Lasting
 from onboard.fusion.silhouette import SILHOUETTE
 
 _ON_IT, _IT = 0.4, 0.6
@@ -19,8 +20,9 @@ _ON_IT, _IT = 0.4, 0.6
 _SOLID_ALONE_S, _SOLID = 3.0, 0.6
 """How long the depth camera's thing is heard by itself, s: then it may be anything that stands there. And its
 confidence: of several things it may be the wrong one."""
-_DISPUTED_S = 0.3
-"""How long two trackers or more must have agreed where the target is not foreseen for them to be heard, s."""
+_DISPUTED_S, _EMPTY_S, _BREAK_S = 0.3, 0.3, 0.2
+"""How long two trackers or more must have agreed where the target is not foreseen for them to be heard, s; how long its
+place must have been empty for any to be; and the longest break in that."""
 _ASTRAY_S = 0.3
 """How long a tracker must have been where, or as large as, the target cannot be for it to be put on the answer, s."""
 
@@ -33,7 +35,9 @@ class PlaceCheck:
     """
 
     def __init__(self, t_ns: int):
-        self._t_ns = self._seen_ns = self._disputed_ns = t_ns
+        self._t_ns = self._seen_ns = t_ns
+        self._disputed, self._empty = Lasting(_BREAK_S), Lasting(_BREAK_S)
+        self._contested = False
         self._foreseen: Foreseen | None = None
         self._whole: Box | None = None
         self._astray: dict[str, int] = {}
@@ -62,7 +66,7 @@ class PlaceCheck:
     @property
     def _solid(self) -> Box | None:
         alone = self._t_ns - self._seen_ns > _SOLID_ALONE_S * 1e9
-        return None if self._foreseen is None or alone else self._foreseen.solid
+        return None if self._foreseen is None or alone or self._contested else self._foreseen.solid
 
     @property
     def astray(self) -> frozenset[str]:
@@ -88,9 +92,9 @@ class PlaceCheck:
 
     def excluded(self, boxes: Mapping[str, Box]) -> frozenset[str]:
         """Trackers that are at something else; notes since when, and who has another size. Boxes in px."""
+        self._contested = False
         if self._foreseen is None:
             self._astray.clear()
-            self._disputed_ns = self._t_ns
             return frozenset()
         excluded = self._foreseen.excluded(boxes)
         excluded -= self._majority(self._foreseen, boxes, excluded)
@@ -104,15 +108,19 @@ class PlaceCheck:
         return excluded
 
     def _majority(self, foreseen: Foreseen, boxes: Mapping[str, Box], excluded: frozenset[str]) -> frozenset[str]:
-        """Trackers at another distance than foreseen that have agreed for long, against no more than one that is not.
+        """Trackers at another distance than foreseen that are believed for all that.
 
-        What is foreseen rests on who was heard; where that one went astray, so did it.
+        Several that have agreed for long, against no more than one that is not: what is foreseen rests on who was
+        heard; where that one went astray, so did it. Against several, what stands there has no say: it knows no look.
+        And any, where the target's place has been empty for long.
         """
         away = foreseen.of_his_size({name: boxes[name] for name in excluded})
         group = together({name: boxes[name] for name in away})
-        if len(group) < 2 or len(boxes) - len(excluded) > 1:
-            self._disputed_ns = self._t_ns
-        return group if self._t_ns - self._disputed_ns >= _DISPUTED_S * 1e9 else frozenset()
+        disputed = len(group) >= 2 and len(boxes) - len(excluded) <= 1
+        self._contested = disputed and not self.on_thing(boxes)
+        if self._empty.note(foreseen.empty, self._t_ns) >= _EMPTY_S:
+            return away
+        return group if self._disputed.note(disputed, self._t_ns) >= _DISPUTED_S else frozenset()
 
     def confirmed(self, boxes: Mapping[str, Box]) -> frozenset[str]:
         """Trackers that agree with another, or with what stands there, where the depth camera has the target."""

@@ -19,6 +19,7 @@ from onboard.fusion.answer import RELIABLE, agreed, box_of
 from onboard.fusion.center import Fused
 from onboard.fusion.doubt import ALONE_UNLIKE, doubted, found_alone, same_as
 from onboard.fusion.look import Look
+from onboard.fusion.outvoted import Outvoted
 from onboard.fusion.prior import (
     CLEARLY,
     LIKE_BESIDE_TWINS,
@@ -49,8 +50,6 @@ _KEPT_S = 1.0
 """For how long after two have agreed the target is believed where its motion leads, though all have left it, s."""
 _NEAR_EXPECTED = 0.3
 """Overlap with that place above which a tracker has not gone."""
-_OUTVOTED_S = 0.5
-"""How long two must have agreed elsewhere for the one that is where the answer is to be given up, s."""
 _TOGETHER_S = 0.12
 """Time within which trackers that speak for the answer agree: in flight they do not all answer in one step."""
 _FIRM = 3
@@ -85,7 +84,8 @@ class Witness:
         self._firm = min(_FIRM, trackers)
         self._supported_ns = t_ns
         self._chosen: str | None = None
-        self._agreed_ns = self._alone_ns = self._dull_ns = t_ns
+        self._agreed_ns = self._dull_ns = t_ns
+        self._outvoted = Outvoted()
         self._broken = False
         """Whether the answer has rested on nobody since two trackers, or a sure look, last spoke for it."""
         self._spoke: dict[str, int] = {}
@@ -138,7 +138,7 @@ class Witness:
                 return Verdict(frozenset(), frozenset(boxes), (), kept)
         similar = {n: self._leniently(bare[n], box, fused, foreseen) for n, box in boxes.items()}
         others = frozenset() if fused is None else self._others(similar, boxes, several, fused, t_ns, foreseen)
-        majority = () if foreseen is None else self._outvoted(similar, boxes, others, t_ns)
+        majority = () if foreseen is None else self._outvoted.by(similar, boxes, others, t_ns)
         others = frozenset(boxes.keys() - majority) if majority else others
         similar = {name: likeness for name, likeness in similar.items() if name not in others}
         boxes = {name: box for name, box in boxes.items() if name not in others}
@@ -229,21 +229,6 @@ class Witness:
             return far | elsewhere(similar, boxes, last, LIKE_BESIDE_TWINS)
         there = {name for name, box in boxes.items() if as_foreseen(box, foreseen)}
         return (far | elsewhere(similar, boxes, last)) - there | elsewhere(similar, boxes, foreseen)
-
-    def _outvoted(
-        self, similar: Mapping[str, float], boxes: Mapping[str, Box], others: frozenset[str], t_ns: int
-    ) -> tuple[str, ...]:
-        """Two trackers or more that were not heard, once they have agreed for long against the one that was.
-
-        They must look no less like the target: then they are the majority, and the answer has gone astray with the one.
-        """
-        heard = boxes.keys() - others
-        pairs = [{name, *same_as(name, {n: boxes[n] for n in others})} for name in others]
-        pair: set[str] = max(pairs, key=len, default=set())
-        likeness = max((similar[name] for name in pair), default=0.0)
-        if len(heard) != 1 or len(pair) < 2 or likeness < similar[next(iter(heard))]:
-            self._alone_ns = t_ns
-        return tuple(sorted(pair)) if t_ns - self._alone_ns >= _OUTVOTED_S * 1e9 else ()
 
     def likeness(self, grey: np.ndarray, box: Box) -> float:
         """How like the target a box looks, 0 to 1 (`Look.likeness`)."""

@@ -74,6 +74,13 @@ def test_the_box_is_the_part_of_the_thing_that_the_trackers_showed(ahead_m: floa
     assert found[1] + found[3] / 2 == pytest.approx(there[1] + there[3] / 2, abs=3.0)
 
 
+def test_who_stands_before_a_wall_is_a_thing_though_he_may_have_gone_as_far_as_the_wall() -> None:
+    depth = _depth((4.5, 0.0, 0.0))
+    depth[(depth == 0.0) | (depth > 6.0)] = 6.0
+    found = _learned().find(POSE, replace(_foreseen(4.0, depth), reach_m=2.5), 3.0)
+    assert found == pytest.approx(_box(4.5, 0.0), abs=3.0)
+
+
 @pytest.mark.parametrize("others", [[], [(4.0, -0.8, 0.0)]])
 def test_who_leans_stands_where_he_stood_also_beside_somebody_else(others: list[tuple[float, float, float]]) -> None:
     found = _learned().find(POSE, _foreseen(4.0, _depth((4.0, 0.0, 0.0), *others, lean=0.4)), 0.5)
@@ -99,6 +106,15 @@ def test_nothing_is_said_before_anything_is_known_nor_where_it_is_not_clear() ->
     assert solid.find(POSE, replace(foreseen, box=beyond), 5.0) is None, "the picture does not show his place"
     assert solid.find(POSE, replace(foreseen, covered_m=4.0), 0.5) is None, "that is what has covered him"
     assert solid.find(POSE, replace(foreseen, depth_m=None), 0.5) is None
+
+
+def test_the_side_of_what_covers_him_is_not_he_though_he_may_have_come_as_near() -> None:
+    depth = _depth()
+    depth[20:, 20:60] = 3.0
+    depth[20:, 60:72] = np.linspace(3.02, 3.5, 12)  # the screen's side, into the distance
+    foreseen = replace(_foreseen(3.9, depth), reach_m=0.5)
+    assert len(Solid(CAMERA).things(POSE, foreseen)) == 1, "without what has covered him"
+    assert not Solid(CAMERA).things(POSE, replace(foreseen, covered_m=3.1))
 
 
 def test_a_floor_that_seems_to_rise_because_the_mount_shakes_is_nobody() -> None:

@@ -215,6 +215,30 @@ def test_several_trackers_that_agree_where_he_cannot_be_are_flown_after_sooner(s
     assert from_s <= followed_s <= from_s + 0.15
 
 
+@pytest.mark.parametrize(("empty", "followed"), [(True, True), (False, False)])
+def test_one_tracker_alone_is_flown_after_at_another_distance_once_his_place_is_seen_to_be_empty(
+    empty: bool, followed: bool
+) -> None:
+    camera = _camera(0.17)
+    steering = Steering(FollowConfig(), DepthConfig(), camera)
+    (there, pose), (box, _) = _seen(camera, 5.0, 0.0), _seen(camera, 3.8, 0.0)
+    beside = (box[0] + 60.0, *box[1:])
+    depth = np.full((120, 160), 7.5)
+    vehicle = Vehicle(pose.ned_p_m, np.zeros(3), 0.0, 0.0)
+    turns = []
+    for k in range(1, 45):
+        seen = there if k < 30 else beside
+        depth[:] = 7.5
+        for (x, y, width, height), distance_m in ((seen, 5.0 if k < 30 else 3.8), (there, 5.0)):
+            if seen == there or distance_m < 5.0 or not empty:
+                depth[int(y / 2) : int((y + height) / 2), int(x / 2) : int((x + width) / 2)] = distance_m
+        request = steering.step(k * S // 30, seen, pose, vehicle, depth)
+        assert request is not None
+        turns.append(request.yaw_rate_rad_s)
+    assert max(turns[:40]) < 0.03
+    assert (turns[-1] > 0.03) == followed
+
+
 def test_a_box_at_the_feet_of_somebody_else_is_not_flown_after_since_nobody_sinks_into_the_floor() -> None:
     camera = _camera(0.17)
     steering = Steering(FollowConfig(), DepthConfig(), camera)

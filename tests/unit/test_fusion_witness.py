@@ -84,9 +84,25 @@ def test_two_that_agree_for_long_against_the_one_that_is_heard_are_followed_if_t
     for k in range(10):
         verdict = witness.judge(both, unlike, True, tracking, k * 100_000_000, BOX)
     assert verdict.silent == {"a", "b"} and not verdict.begun
+    for k in range(6):
+        verdict = witness.judge(both, {**unlike, "c": ELSEWHERE}, True, tracking, (10 + k) * 100_000_000, BOX)
+    assert (verdict.silent, verdict.begun) == ({"here"}, ("a", "b", "c")), "three whatever their look"
+    verdict = witness.judge(both, unlike, True, tracking, 1_600_000_000, BOX)
+    assert verdict.silent == {"here"}, "the answer does not go back when one of them fails"
     alone = Witness(GREY, BOX, 0)
     for k in range(10):  # one against one
         assert alone.judge(both, {"here": BOX, "a": twin}, True, tracking, k * 100_000_000, BOX).silent == {"a"}
+
+
+def test_two_of_whom_one_is_heard_anyway_are_followed_too() -> None:
+    twin: Box = (155.0, 80.0, 40.0, 30.0)
+    both = GREY.copy()
+    both[78:112, 153:197] = GREY[78:112, 98:142]
+    both[78:112, 98:142] = 0.4 * GREY[78:112, 98:142] + 0.6 * GREY[10:44, 10:54]
+    boxes: dict[str, Box] = {"here": BOX, "a": twin, "b": (160.0, 82.0, 40.0, 30.0)}
+    witness, tracking = Witness(GREY, BOX, 0), _fused("tracking", 1.0, 0.1)
+    verdicts = [witness.judge(both, boxes, True, tracking, k * 100_000_000, BOX) for k in range(7)]
+    assert verdicts[1].silent == {"b"} and (verdicts[6].silent, verdicts[6].begun) == ({"here"}, ("a", "b"))
 
 
 def test_who_agrees_with_another_source_where_the_target_is_measured_is_believed_whatever_its_look() -> None:
