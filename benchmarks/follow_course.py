@@ -1,11 +1,11 @@
 """A person's way through a hall, and what happens on it: the course that the UAV flies after him.
 
 He walks round a loop before the vehicle, faster and slower. All along it comes what trackers are known to fail at, in
-two rows that know nothing of each other: what he and the vehicle do (he turns about, bends over, hurries ahead or steps
-back; the operator turns the vehicle away from him), and what happens around them (a screen or somebody in his uniform
-passes between; somebody in his colours walks beside him; the light changes; the camera shakes). So he may come out from
-behind the screen with his back turned. In a row one follows the other with hardly a pause, each kind once before any
-comes again. The order, the sides and the strengths are drawn.
+three rows that know nothing of each other: what he and the vehicle do (he turns about, bends over, hurries ahead or
+steps back; the operator turns the vehicle away from him), who else is there (a screen or somebody in his uniform passes
+between; somebody in his colours walks beside him), and what the pictures suffer (the light changes; the camera shakes).
+So he may come out from behind the screen with his back turned and in the dark. In a row one follows the other with
+hardly a pause, each kind once before any comes again. The order, the sides and the strengths are drawn.
 """
 
 from __future__ import annotations
@@ -27,9 +27,12 @@ START_M = 3.0
 """How far ahead of the vehicle he is at the start, m."""
 OWN = {"turn": 4.0, "lean": 3.5, "size": 6.0, "aside": 4.0}
 """What he and the vehicle do, and how long it lasts, s."""
-AROUND = {"screen": 4.0, "crossing": 3.0, "companion": 6.0, "light": 6.0, "shake": 3.0}
-"""What happens around them, and how long it lasts, s."""
-KINDS = {**OWN, **AROUND}
+BESIDE = {"screen": 4.0, "crossing": 3.0, "companion": 6.0}
+"""Who or what else is there, and for how long, s."""
+PICTURE = {"light": 6.0, "shake": 3.0}
+"""What the pictures suffer, and how long it lasts, s."""
+ROWS = (OWN, BESIDE, PICTURE)
+KINDS = {**OWN, **BESIDE, **PICTURE}
 """All of it."""
 _FIRST_S, _PAUSE_S = 3.0, 0.5
 """When the rows begin, and the mean pause between two of one, s."""
@@ -61,8 +64,8 @@ class Event:
 
 
 def events(rng: np.random.Generator, duration_s: float) -> list[Event]:
-    """Both rows until a time, s."""
-    return [event for row in (OWN, AROUND) for event in _row(rng, row, duration_s)]
+    """All rows until a time, s."""
+    return [event for row in ROWS for event in _row(rng, row, duration_s)]
 
 
 def _row(rng: np.random.Generator, kinds: Mapping[str, float], duration_s: float) -> list[Event]:
