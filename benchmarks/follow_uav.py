@@ -20,6 +20,7 @@ from common.geometry.rotation import euler_from_quat
 from common.tracking.base import Box, Tracker
 from onboard.follow.config import FollowConfig
 from onboard.follow.law import Vehicle
+from onboard.follow.mount import Mount
 from onboard.follow.steering import Steering
 from onboard.fusion.center import SEVERAL
 from onboard.fusion.config import DepthConfig
@@ -137,16 +138,17 @@ def follow(course: Course, tracker: Tracker, quadrotor: Quadrotor, depth: DepthE
     cv2.setNumThreads(1)
     eye = camera(*_SIZE_PX, _FIELD_RAD, RATE_HZ, _DOWN_RAD)
     score, steering = Score(eye, RATE_HZ), Steering(FollowConfig(camera="front"), DepthConfig(), eye)
-    verdict, begun_ns = HOVER, quadrotor.t_ns
+    verdict, begun_ns, mount = HOVER, quadrotor.t_ns, Mount(eye)
     for index in range(course.frames):
         t_ns = quadrotor.t_ns
         truly = quadrotor.lens(eye)
         lens = truly._replace(ned_q_body=course.shaken(index, truly.ned_q_body))
-        pose, vehicle = quadrotor.known()
+        known, vehicle = quadrotor.known()
         target, others = course.target(index), course.others(index, lens.ned_p_m)
         frame = course.hall.picture(lens, [target, *others], course.light(index, quadrotor.turn_rad_s))
         depth_m = None if depth is None else depth.picture(course.hall, lens, [target, *others])
         truth = lens.show(target)
+        pose = mount.pose(frame, t_ns, known, depth_m)
         if index == 0:
             if truth is None:
                 raise RuntimeError("follow: the person is not in the first picture")

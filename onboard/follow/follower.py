@@ -15,6 +15,7 @@ from common.tracking.base import Box
 from onboard.follow.choice import Picture
 from onboard.follow.config import FollowConfig
 from onboard.follow.law import Vehicle
+from onboard.follow.mount import Mount
 from onboard.follow.steering import Steering
 from onboard.fusion.center import SEVERAL, Fused
 from onboard.fusion.config import DepthConfig, FusionConfig, HabDfConfig
@@ -54,12 +55,14 @@ class Follower:
         self.fusion = LiveHabDf(pool, fusion, settings.answer_within_s, settings.frozen_after_s)
         """The fused trackers."""
         self._steering = Steering(settings, config.section(DepthConfig), camera)
+        self._mount = Mount(camera)
         self.active = False
         """Whether there is a target."""
 
     def calibrate(self, camera: Camera) -> None:
         """Take another calibration; pictures larger than the trackers' memory are refused later, by name."""
         self._steering.calibrate(camera)
+        self._mount.calibrate(camera)
 
     def select(self, picture: Picture, box: Box, angle_rad: float) -> None:
         """Take what a picture shows in a box as the target.
@@ -113,6 +116,7 @@ class Follower:
             vehicle: the vehicle then, with its rates.
             depth_m: depth picture that belongs to it, (h, w), m, at any size; None without.
         """
+        pose = self._mount.pose(frame, t_ns, pose, depth_m)
         fused = self.fusion.step(frame, t_ns, self._steering.expected(t_ns, pose, depth_m))
         box = self.fusion.box
         seen = box if fused.state == "tracking" else None
