@@ -34,7 +34,7 @@ _COVERS = 0.2
 _HOLES = np.ones((3, 3), np.uint8)
 _FOOT = 0.2
 """Share of a thing's height that is its lowest part."""
-_LEAST_SHARE = 0.3
+_LEAST_SHARE = 0.2
 """Least area of a thing over that of the foreseen box."""
 _TALLER, _LARGER = 0.35, 0.25
 """By how much its height and the root of its area may differ from the target's, logarithm: who leans is as large."""
@@ -69,8 +69,8 @@ class Solid:
         self._camera = camera
         self._rays = np.zeros((0, 0, 3))
         self._relation = np.zeros(4)
-        """The box's middle against the thing's, in the thing's sides, and the ratios of their heights and areas,
-        logarithms."""
+        """The box's middle against the thing's, in the thing's sides, and the thing's height, m, and area, m²,
+        logarithms: boxes grow."""
         self._learned_s = 0.0
         self._t_ns = 0
 
@@ -83,7 +83,7 @@ class Solid:
             return
         self._learned_s += step_s
         share = max(-math.expm1(-step_s / _MEMORY_S), step_s / self._learned_s)
-        self._relation += share * (_relation(box, things[0]) - self._relation)
+        self._relation += share * (self._relation_of(box, things[0]) - self._relation)
 
     def find(self, pose: Pose, foreseen: Foreseen, reach_m: float) -> Box | None:
         """The target's box by the thing at its place; None where there is none, more than one, or nothing is known yet.
@@ -97,7 +97,7 @@ class Solid:
         """
         if self._learned_s < _KNOWN_S or foreseen.outside:
             return None
-        like = [thing for thing in self.things(pose, foreseen) if self._is_like(thing, _at(foreseen, thing.distance_m))]
+        like = [thing for thing in self.things(pose, foreseen) if self._is_like(thing)]
         if not like:
             return None
         like.sort(key=lambda thing: self._off_m(thing, foreseen))
@@ -159,11 +159,20 @@ class Solid:
             self._rays = camera.rays(np.column_stack([columns.ravel(), rows.ravel()])).reshape(*shape, 3)
         return self._rays
 
-    def _is_like(self, thing: Thing, size: tuple[float, float]) -> bool:
-        """Whether it is as tall and as large as the thing is that the target is a part of, there of this size, px."""
-        taller = math.log(thing.box[3] / size[1]) + self._relation[2]
-        larger = 0.5 * (math.log(thing.area / (size[0] * size[1])) + self._relation[3])
-        return abs(taller) <= _TALLER and abs(larger) <= _LARGER
+    def _is_like(self, thing: Thing) -> bool:
+        """Whether it is as tall and as large as the thing is that the target is a part of."""
+        taller, larger = (self._size_of(thing) - self._relation[2:]).tolist()
+        return abs(taller) <= _TALLER and abs(larger) / 2 <= _LARGER
+
+    def _size_of(self, thing: Thing) -> Array:
+        """Height, m, and area, m², (2,), logarithms."""
+        m = thing.distance_m / self._camera.fx_px
+        return np.array([math.log(thing.box[3] * m), math.log(thing.area * m**2)])
+
+    def _relation_of(self, box: Box, thing: Thing) -> Array:
+        (x, y, width, height), (left, top, across, tall) = box, thing.box
+        off = (x + width / 2 - left - across / 2) / across, (y + height / 2 - top - tall / 2) / tall
+        return np.array([*off, *self._size_of(thing)])
 
     def _off_m(self, thing: Thing, foreseen: Foreseen) -> float:
         """How far aside a thing stands of where the target is foreseen, m."""
@@ -182,12 +191,6 @@ def _behind_an_edge(depth_m: Array) -> NDArray[np.bool_]:
         marks[0][known & (here - there > _STEP_M)] = True
         marks[1][known & (there - here > _STEP_M)] = True
     return behind
-
-
-def _relation(box: Box, thing: Thing) -> Array:
-    (x, y, width, height), (left, top, across, tall) = box, thing.box
-    off = (x + width / 2 - left - across / 2) / across, (y + height / 2 - top - tall / 2) / tall
-    return np.array([*off, math.log(height / tall), math.log(width * height / thing.area)])
 
 
 def _at(foreseen: Foreseen, distance_m: float) -> tuple[float, float]:

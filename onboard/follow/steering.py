@@ -29,6 +29,9 @@ walks beside him is further off."""
 _INSISTED_S, _BREAK_S = 0.4, 0.2
 """How long several trackers must have agreed where he cannot be, or one have seen him while his place is empty, for his
 foreseen place to be given up, s, and the longest break in that."""
+_UNSEEN_S, _FOUND_S, _FOUND_BREAK_S = 0.3, 0.2, 0.1
+"""After how long unseen one tracker alone must have him, and for how long, to be flown after, s, and the longest break
+in that: what it takes for him beside the edge of a screen passes in a picture or two."""
 _SIZE_MEMORY_S = 3.0
 """Time constant with which the size over ground follows the box, s: what slides before a target makes it smaller, and a
 tracker alone keeps its own size while the target's changes in the picture."""
@@ -66,7 +69,7 @@ class Steering:
         self._solid = Solid(self._camera)
         self._measured_ns = 0
         self._cover: Array | None = None
-        self._insisted = Lasting(_BREAK_S)
+        self._insisted, self._found = Lasting(_BREAK_S), Lasting(_FOUND_BREAK_S)
         self._size_m: Array | None = None
         self._first_size_m = np.ones(2)
         self._with_depth = False
@@ -179,6 +182,11 @@ class Steering:
             about_m = float(in_camera(self._camera, pose, state.ned_p_m)[2])
         return core_of(depth_m, box, (self._camera.height, self._camera.width), about_m, self._gone_m(t_ns))
 
+    def _waits(self, t_ns: int, sure: bool) -> bool:
+        """Whether one tracker alone has only just found him again."""
+        had_s = self._found.note(True, t_ns)
+        return not sure and self._size_m is not None and t_ns - self._measured_ns > _UNSEEN_S * 1e9 and had_s < _FOUND_S
+
     def _place_is_empty(self, t_ns: int, pose: Pose, depth_m: Array | None) -> bool:
         """Whether the depth camera shows that he is not where he is foreseen."""
         foreseen = self.expected(t_ns, pose, depth_m)
@@ -189,11 +197,12 @@ class Steering:
         # What is there is nearer or farther than he can be, or beside: nobody steps aside so quickly.
         refused = foreseen is not None and bool(foreseen.excluded({"it": box}))
         refused |= self._beside_m(box, pose, t_ns) > self._reach_m(t_ns)
+        waits = self._waits(t_ns, sure)
         insists = refused and (sure or self._place_is_empty(t_ns, pose, depth_m))
         if self._insisted.note(insists, t_ns) >= _INSISTED_S:
             self._place.reset()
             foreseen = self._cover = None
-        elif refused:
+        elif refused or waits:
             return
         core = self._core(t_ns, box, pose, depth_m)
         found = self._sight.place(t_ns, box, pose, core)

@@ -37,7 +37,7 @@ class PlaceCheck:
     def __init__(self, t_ns: int):
         self._t_ns = self._seen_ns = t_ns
         self._disputed, self._empty = Lasting(_BREAK_S), Lasting(_BREAK_S)
-        self._contested = False
+        self._contested, self._unbroken, self._thing_ns = False, False, t_ns
         self._foreseen: Foreseen | None = None
         self._whole: Box | None = None
         self._astray: dict[str, int] = {}
@@ -93,6 +93,7 @@ class PlaceCheck:
     def excluded(self, boxes: Mapping[str, Box]) -> frozenset[str]:
         """Trackers that are at something else; notes since when, and who has another size. Boxes in px."""
         self._contested = False
+        self._watch_thing(boxes)
         if self._foreseen is None:
             self._astray.clear()
             return frozenset()
@@ -107,16 +108,25 @@ class PlaceCheck:
                 self._astray.pop(name, None)
         return excluded
 
+    def _watch_thing(self, boxes: Mapping[str, Box]) -> None:
+        """Note whether what stands there has been there without a break since a tracker was last on it."""
+        if self._t_ns - self._thing_ns > _BREAK_S * 1e9:
+            self._unbroken = False
+        if self._solid is not None:
+            self._thing_ns, self._unbroken = self._t_ns, self._unbroken or bool(self.on_thing(boxes))
+
     def _majority(self, foreseen: Foreseen, boxes: Mapping[str, Box], excluded: frozenset[str]) -> frozenset[str]:
         """Trackers at another distance than foreseen that are believed for all that.
 
         Several that have agreed for long, against no more than one that is not: what is foreseen rests on who was
-        heard; where that one went astray, so did it. Against several, what stands there has no say: it knows no look.
-        And any, where the target's place has been empty for long.
+        heard; where that one went astray, so did it. Against several, what stands there has no say, unless it has been
+        there ever since a tracker saw the target in it: it knows no look. And any, where the target's place has been
+        empty for long.
         """
         away = foreseen.of_his_size({name: boxes[name] for name in excluded})
         group = together({name: boxes[name] for name in away})
-        disputed = len(group) >= 2 and len(boxes) - len(excluded) <= 1
+        stands = self._unbroken and self._solid is not None
+        disputed = len(group) >= 2 and len(boxes) - len(excluded) <= 1 and not stands
         self._contested = disputed and not self.on_thing(boxes)
         if self._empty.note(foreseen.empty, self._t_ns) >= _EMPTY_S:
             return away

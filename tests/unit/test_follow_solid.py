@@ -74,6 +74,14 @@ def test_the_box_is_the_part_of_the_thing_that_the_trackers_showed(ahead_m: floa
     assert found[1] + found[3] / 2 == pytest.approx(there[1] + there[3] / 2, abs=3.0)
 
 
+def test_he_is_as_large_as_before_though_the_trackers_boxes_have_grown() -> None:
+    x, y, width, height = _box(4.0, 0.0)
+    grown: Box = (x - 0.15 * width, y - 0.12 * height, 1.3 * width, 1.24 * height)
+    foreseen = replace(_foreseen(4.0, _depth((4.0, 0.1, 0.0))), box=grown)
+    assert _learned().find(POSE, foreseen, 0.5) is not None
+    assert _learned().find(POSE, replace(foreseen, depth_m=_depth((4.0, 0.1, 0.5))), 0.5) is None, "wider than he is"
+
+
 def test_who_stands_before_a_wall_is_a_thing_though_he_may_have_gone_as_far_as_the_wall() -> None:
     depth = _depth((4.5, 0.0, 0.0))
     depth[(depth == 0.0) | (depth > 6.0)] = 6.0

@@ -164,9 +164,27 @@ def test_what_has_covered_the_target_is_remembered_where_it_is_until_he_is_seen_
     nearer = Pose(pose.ned_p_m + np.array([0.5, 0.0, 0.0]), pose.ned_q_body)
     beside = steering.expected(S + 50 * S // 30, nearer, free)
     assert beside is not None and beside.covered_m == pytest.approx(3.8 - 0.5 * math.cos(0.17), abs=0.02)
-    steering.step(S + 50 * S // 30, box, pose, vehicle, free)
-    seen = steering.expected(S + 51 * S // 30, pose, free)
+    for k in range(50, 55):
+        covered = steering.expected(S + k * S // 30, pose, free)
+        assert covered is not None and not math.isnan(covered.covered_m), "one alone may be at the screen's edge"
+        steering.step(S + k * S // 30, box, pose, vehicle, free, sure=k == 54)
+    seen = steering.expected(S + 55 * S // 30, pose, free)
     assert seen is not None and math.isnan(seen.covered_m) and math.isnan(seen.before_m)
+
+
+def test_one_tracker_alone_that_has_found_him_again_is_believed_after_a_while() -> None:
+    camera = _camera(0.17)
+    steering = Steering(FollowConfig(), DepthConfig(), camera)
+    box, pose = _seen(camera, 5.0, 0.0)
+    vehicle = Vehicle(pose.ned_p_m, np.zeros(3), 0.0, 0.0)
+    for k in range(30):
+        steering.step(S + k * S // 30, box, pose, vehicle)
+    aside = (box[0] + 20.0, *box[1:])
+    for k in range(60, 75):
+        steering.step(S + k * S // 30, aside if k != 63 else None, pose, vehicle)
+        expected = steering.expected(S + k * S // 30, pose)
+        assert expected is not None
+        assert (expected.box[0] > box[0] + 10.0) == (k >= 66), "a break of a picture is forgiven"
 
 
 def test_above_a_target_that_is_out_of_sight_its_motion_goes_on() -> None:

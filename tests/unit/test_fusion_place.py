@@ -57,6 +57,20 @@ def test_what_stands_there_is_not_heard_against_several_that_agree_elsewhere_for
     assert place.thing is not None, "a tracker sees the target there"
 
 
+def test_what_has_stood_there_since_a_tracker_saw_him_in_it_is_he_whoever_agrees_elsewhere() -> None:
+    place, both = PlaceCheck(0), {"dsst": HIS, "struck": HIS}
+    _excluded(place, BESIDE_HER, {"tld": HERS}, 0)
+    for t_ms in range(30, 900, 30):
+        assert _excluded(place, BESIDE_HER, both, t_ms) == both.keys()
+        assert place.thing is not None
+    for t_ms in range(900, 1200, 30):
+        _excluded(place, replace(BESIDE_HER, solid=None), {}, t_ms)
+    for t_ms in range(1200, 1530, 30):
+        excluded = _excluded(place, BESIDE_HER, both, t_ms)
+        assert place.thing is None, "it may be another"
+    assert not excluded
+
+
 def test_any_that_is_as_large_as_he_is_heard_elsewhere_once_his_place_has_been_empty_for_long() -> None:
     place, one = PlaceCheck(0), {"tld": HIS, "at the wall": (40.0, 60.0, 30.0, 100.0)}
     for t_ms in range(0, 300, 30):
