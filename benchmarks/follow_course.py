@@ -1,9 +1,9 @@
 """A person's way through a hall, and what happens on it: the course that the UAV flies after him.
 
 He walks round a loop before the vehicle, faster and slower. All along it comes what trackers are known to fail at, in
-three rows that know nothing of each other: what he and the vehicle do (he turns about, bends over, hurries ahead or
-steps back; the operator turns the vehicle away from him), who else is there (a screen or somebody in his uniform passes
-between; somebody in his colours walks beside him), and what the pictures suffer (the light changes; the camera shakes).
+three rows that know nothing of each other: what he does (he turns about, bends over, hurries ahead or steps back), what
+comes between or takes him away (a screen or somebody in his uniform passes before him; somebody in his colours walks
+beside him; the operator turns the vehicle away), and what the pictures suffer (the light changes; the camera shakes).
 So he may come out from behind the screen with his back turned and in the dark. In a row one follows the other with
 hardly a pause, each kind once before any comes again. The order, the sides and the strengths are drawn.
 """
@@ -25,10 +25,11 @@ HALF_M = (16.0, 16.0)
 """From the middle of the hall to its walls north and east, m."""
 START_M = 3.0
 """How far ahead of the vehicle he is at the start, m."""
-OWN = {"turn": 4.0, "lean": 3.5, "size": 6.0, "aside": 4.0}
-"""What he and the vehicle do, and how long it lasts, s."""
-BESIDE = {"screen": 4.0, "crossing": 3.0, "companion": 6.0}
-"""Who or what else is there, and for how long, s."""
+OWN = {"turn": 4.0, "lean": 3.5, "size": 6.0}
+"""What he does, and how long it lasts, s."""
+BESIDE = {"screen": 4.0, "crossing": 3.0, "companion": 6.0, "aside": 4.0}
+"""Who or what else is there, or that the operator turns the vehicle away, and how long it lasts, s: of two alike who
+come back into the picture nobody could say which is he."""
 PICTURE = {"light": 6.0, "shake": 3.0}
 """What the pictures suffer, and how long it lasts, s."""
 ROWS = (OWN, BESIDE, PICTURE)

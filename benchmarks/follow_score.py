@@ -29,7 +29,7 @@ class Score:
     """Frame after frame of one run.
 
     The target is lost once it has been out of the picture, or visible with the box elsewhere (J < 0.1) or none, for two
-    seconds without a break; the run ends with the frame before those.
+    seconds without a break, frames in which it is covered left out; the run ends with the frame before those.
     """
 
     camera: Camera
@@ -45,6 +45,7 @@ class Score:
     frames: int = 0
     """Frames so far."""
     _bad: int = 0
+    _followed: int = 0
 
     def note(self, truth: Box | None, hidden: float, box: Box | None) -> None:
         """One frame.
@@ -67,7 +68,9 @@ class Score:
                 self.distances_px.append(d)
                 bad = j < _ON_IT
             elif inside:
-                bad = self._bad > 0 and box is None
+                return  # nobody sees what is covered: it is neither found nor missed
+        if bad and not self._bad:
+            self._followed = self.frames - 1
         self._bad = self._bad + 1 if bad else 0
 
     @property
@@ -78,7 +81,7 @@ class Score:
     @property
     def followed(self) -> int:
         """Frames until the loss, or all."""
-        return self.frames - self._bad if self.lost else self.frames
+        return self._followed if self.lost else self.frames
 
     @property
     def mean_error_px(self) -> float:

@@ -196,6 +196,11 @@ def test_a_target_counts_as_lost_after_two_seconds() -> None:
     for _ in range(120):
         hidden.note(truth, 0.9, None)
     assert not hidden.lost, "nobody sees what is hidden"
+    for covered, frames, lost in ((0.0, 40, False), (0.9, 60, False), (0.0, 19, False), (0.0, 1, True)):
+        for _ in range(frames):
+            hidden.note(truth, covered, None)
+        assert hidden.lost == lost
+    assert hidden.followed == 120, "it is lost from where it was missed first"
 
 
 def test_an_unknown_platform_is_named() -> None:
