@@ -18,7 +18,7 @@ from onboard.proximity.pose import Pose
 S = 1_000_000_000
 FOCUS_PX = 228.0
 AHEAD = as_quat(quat_multiply(quat_from_euler(0.0, -0.17, 0.0), (0.5, 0.5, 0.5, 0.5)))
-CAMERA = Camera(320, 240, FOCUS_PX, FOCUS_PX, 159.5, 119.5, (0.0,) * 5, AHEAD, (0.0, 0.0, 0.0))
+CAMERA = Camera(320, 240, FOCUS_PX, FOCUS_PX, 159.5, 119.5, (0.0, 0.0, 0.0, 0.0, 0.0), AHEAD, (0.0, 0.0, 0.0))
 WALL = cv2.GaussianBlur(np.random.default_rng(1).integers(0, 255, (600, 900, 3), np.uint8), (0, 0), 2.0)
 STANDS = Pose(np.array([0.0, 0.0, -1.5]), quat_from_euler(0.0, 0.0, 0.3))
 
