@@ -1,11 +1,12 @@
 """A person's way through a hall, and what happens on it: the course that the UAV flies after him.
 
 He walks round a loop before the vehicle, faster and slower. All along it comes what trackers are known to fail at, in
-three rows that know nothing of each other: what he does (he turns about, bends over, hurries ahead or steps back), what
-comes between or takes him away (a screen or somebody in his uniform passes before him; somebody in his colours walks
-beside him; the operator turns the vehicle away), and what the pictures suffer (the light changes; the camera shakes).
-So he may come out from behind the screen with his back turned and in the dark. In a row one follows the other with
-hardly a pause, each kind once before any comes again. The order, the sides and the strengths are drawn.
+three rows that know nothing of each other: what he and the vehicle do (he turns about, bends over, hurries ahead or
+steps back; the operator turns the vehicle away from him), who else is there (a screen or somebody in his uniform
+passes before him; somebody in his colours walks beside him), and what the pictures suffer (the light changes; the
+camera shakes). Only while the operator turns the vehicle away nobody else is there. So he may come out from behind
+the screen with his back turned and in the dark. In a row one follows the other with hardly a pause, each kind once
+before any comes again. The order, the sides and the strengths are drawn.
 """
 
 from __future__ import annotations
@@ -25,11 +26,11 @@ HALF_M = (16.0, 16.0)
 """From the middle of the hall to its walls north and east, m."""
 START_M = 3.0
 """How far ahead of the vehicle he is at the start, m."""
-OWN = {"turn": 4.0, "lean": 3.5, "size": 6.0}
-"""What he does, and how long it lasts, s."""
-BESIDE = {"screen": 4.0, "crossing": 3.0, "companion": 6.0, "aside": 4.0}
-"""Who or what else is there, or that the operator turns the vehicle away, and how long it lasts, s: of two alike who
-come back into the picture nobody could say which is he."""
+OWN = {"turn": 4.0, "lean": 3.5, "size": 6.0, "aside": 4.0}
+"""What he and the vehicle do, and how long it lasts, s."""
+BESIDE = {"screen": 4.0, "crossing": 3.0, "companion": 6.0}
+"""Who or what else is there, and for how long, s; not while the operator turns the vehicle away: of two alike who come
+back into the picture nobody could say which is he."""
 PICTURE = {"light": 6.0, "shake": 3.0}
 """What the pictures suffer, and how long it lasts, s."""
 ROWS = (OWN, BESIDE, PICTURE)
@@ -66,7 +67,14 @@ class Event:
 
 def events(rng: np.random.Generator, duration_s: float) -> list[Event]:
     """All rows until a time, s."""
-    return [event for row in ROWS for event in _row(rng, row, duration_s)]
+    own, beside, picture = (_row(rng, row, duration_s) for row in ROWS)
+    aside = [event for event in own if event.kind == "aside"]
+    return [*own, *(event for event in beside if not any(_meet(event, other) for other in aside)), *picture]
+
+
+def _meet(a: Event, b: Event) -> bool:
+    """Whether two happen at the same time."""
+    return a.begin_s < b.begin_s + KINDS[b.kind] and b.begin_s < a.begin_s + KINDS[a.kind]
 
 
 def _row(rng: np.random.Generator, kinds: Mapping[str, float], duration_s: float) -> list[Event]:

@@ -111,11 +111,13 @@ def test_everything_happens_on_the_uavs_course_and_he_stays_in_the_hall(seed: in
     course = follow_course.Course(seed, 2400)
     for row in follow_course.ROWS:
         drawn = [event for event in course.events if event.kind in row]
-        assert {event.kind for event in drawn[: len(row)]} == set(row), "each once before any again"
+        first = drawn if row is follow_course.BESIDE else drawn[: len(row)]  # each once before any again; some left out
+        assert {event.kind for event in first} == set(row)
         ends = [event.begin_s + row[event.kind] for event in drawn]
         assert all(event.begin_s >= end for event, end in zip(drawn[1:], ends, strict=False)), "one at a time in a row"
     kinds = [{event.kind for event, _ in course.on(index)} for index in range(2400)]
-    assert sum(len(k) == 3 for k in kinds) > 800, "one of each row at once"
+    assert sum(len(k) == 3 for k in kinds) > 600, "one of each row at once"
+    assert not any("aside" in k and k & set(follow_course.BESIDE) for k in kinds), "nobody could tell them apart"
     places = np.array([course.target(index).ned_p_m for index in range(0, 2400, 5)])
     assert np.abs(places).max() < follow_course.HALF_M[0] - 2.0
     speeds_m_s = np.linalg.norm(np.diff(places, axis=0), axis=1) * follow_course.RATE_HZ / 5
