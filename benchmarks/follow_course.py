@@ -67,21 +67,20 @@ class Event:
 
 def events(rng: np.random.Generator, duration_s: float) -> list[Event]:
     """All rows until a time, s."""
-    own, beside, picture = (_row(rng, row, duration_s) for row in ROWS)
-    aside = [event for event in own if event.kind == "aside"]
-    return [*own, *(event for event in beside if not any(_meet(event, other) for other in aside)), *picture]
+    own, picture = _row(rng, OWN, duration_s), _row(rng, PICTURE, duration_s)
+    return [*own, *_row(rng, BESIDE, duration_s, [event for event in own if event.kind == "aside"]), *picture]
 
 
-def _meet(a: Event, b: Event) -> bool:
-    """Whether two happen at the same time."""
-    return a.begin_s < b.begin_s + KINDS[b.kind] and b.begin_s < a.begin_s + KINDS[a.kind]
-
-
-def _row(rng: np.random.Generator, kinds: Mapping[str, float], duration_s: float) -> list[Event]:
-    """One after the other until a time, s."""
+def _row(
+    rng: np.random.Generator, kinds: Mapping[str, float], duration_s: float, without: Sequence[Event] = ()
+) -> list[Event]:
+    """One after the other until a time, s, and none while any of others is on."""
     drawn, t = [], _FIRST_S
     while t < duration_s:
         for kind in rng.permutation(list(kinds)).tolist():
+            for other in without:
+                if other.begin_s < t + kinds[kind] and t < other.begin_s + KINDS[other.kind]:
+                    t = other.begin_s + KINDS[other.kind]
             blue, green, red = rng.uniform(0.85, 1.2, 3).tolist()
             drawn.append(Event(kind, t, float(rng.choice((-1.0, 1.0))), float(rng.random()), (blue, green, red)))
             t += kinds[kind] + _PAUSE_S * float(rng.uniform(0.5, 1.5))
