@@ -34,8 +34,6 @@ _RIM = 0.25
 _FORM_MEMORY_S, _MOST_GROWN = 3.0, 1.1
 """Time constant with which what is known of the target's size over ground follows the box, s, and how many times as
 large, or as small, as at the first it may become: what is rigid looks narrower or wider as it turns, no more."""
-_MEASURES = 0.1
-"""R_ζ up to which the sensor measures; from 1 less that on it does not."""
 _WITHIN, _SILENT_S, _BREAK_S = 0.95, 1.0, 0.2
 """Share of the greatest distance that was measured within which a target would be; how long it must not be for it to be
 farther, s: what is pushed before it has passed by then; and the longest break in that, s."""
@@ -65,6 +63,7 @@ class RobotFollower:
         """Speed, m/s, and turn, rad/s, of the wheels when a box was last taken in."""
         self._seen_ns = self._measured_ns = 0
         self._range_m, self._silent = 0.0, Lasting(_BREAK_S)
+        self._reliable = depth.reliable  # R_ζ up to which the sensor measures; from 1 less that on it does not
 
     @property
     def distance_m(self) -> float:
@@ -176,10 +175,10 @@ class RobotFollower:
 
         Beyond the range all trackers' boxes may grow together, and the robot would stop just there.
         """
-        if estimate.reliability < _MEASURES:
+        if estimate.reliability < self._reliable:
             self._range_m, self._measured_ns = max(self._range_m, estimate.tof_m), t_ns
         nearer = float(estimate.position[2]) < _WITHIN * self._range_m
-        silent = with_depth and nearer and estimate.reliability > 1.0 - _MEASURES
+        silent = with_depth and nearer and estimate.reliability > 1.0 - self._reliable
         if self._silent.note(silent, t_ns) >= _SILENT_S:
             self._depth.correct((box[2], box[3]), self._range_m)
 
