@@ -25,6 +25,8 @@ _LONGEST_GAP_S = 3.0
 """Time without a place after which what was known of the target's motion is forgotten, s."""
 _START_M_S = 1.0
 """Standard deviation of the target's unknown velocity at the start, m/s: a walk."""
+_LEVEL_AFTER_S = 0.1
+"""For how long an unseen target that is faced may go on up or down, s: what covers it has moved its box so."""
 _STEEP = 0.7
 """Down component of the optical axis, 45 degrees, from which on a camera looks more down than ahead."""
 _MEASURED = 0.5
@@ -172,6 +174,7 @@ class TargetPlace:
     def __init__(self, config: FollowConfig, faced: bool):
         self._density = np.full(3, config.process_m_s2**2)
         self._variance = np.full(3, config.measurement_m**2)
+        self._faced = faced
         self._memory_s = config.unseen_memory_s if faced else math.inf
         self._filter: MotionFilter | None = None
 
@@ -197,5 +200,7 @@ class TargetPlace:
         away_s = (t_ns - self._filter.t_ns) * 1e-9
         left = math.exp(-away_s / self._memory_s)
         way_s = away_s if math.isinf(self._memory_s) else self._memory_s * (1.0 - left)
-        rate = self._filter.rate
+        rate = self._filter.rate.copy()
+        if self._faced and away_s > _LEVEL_AFTER_S:
+            rate[2] = 0.0
         return TargetState(self._filter.value + way_s * rate, left * rate)

@@ -13,8 +13,10 @@ from common.messages import Request
 from common.tracking.base import Box, center_of
 from onboard.follow.config import FollowConfig
 from onboard.follow.law import FollowLaw, Vehicle
+from onboard.follow.others import Others
 from onboard.follow.sight import Sight, TargetPlace, in_camera, in_ned, looks_ahead, whole_from_m
 from onboard.follow.solid import Solid
+from onboard.follow.things import DepthView, Mask
 from onboard.fusion.config import DepthConfig
 from onboard.fusion.foreseen import Foreseen, core_of
 from onboard.fusion.lasting import Lasting
@@ -58,7 +60,7 @@ class Steering:
         """Take another calibration, which says anew how far the target is; what is kept is kept."""
         if camera != self._camera:
             self._camera = camera
-            self._solid = Solid(camera)
+            self._stand()
             self._sight = Sight(camera, self._config, self._depth)
 
     def reset(self) -> None:
@@ -66,7 +68,7 @@ class Steering:
         self._law.reset()
         self._place.reset()
         self._sight = Sight(self._camera, self._config, self._depth)
-        self._solid = Solid(self._camera)
+        self._stand()
         self._measured_ns = 0
         self._cover: Array | None = None
         self._insisted, self._found = Lasting(_BREAK_S), Lasting(_FOUND_BREAK_S)
@@ -75,6 +77,12 @@ class Steering:
         self._with_depth = False
         self.why_not = ""
         """Why nothing is asked; empty while something is."""
+
+    def _stand(self) -> None:
+        """Begin anew with what stands there."""
+        self._view = DepthView(self._camera)
+        self._solid, self._others = Solid(self._view), Others(self._view)
+        self._there: tuple[int, Mask, Foreseen] | None = None
 
     def restart(self, ned_v_m_s: Array | None = None, t_ns: int = 0) -> None:
         """The last request was not flown, but maybe another velocity. See `FollowLaw.restart`."""
@@ -92,9 +100,16 @@ class Steering:
             depth_m: depth picture that belongs to it, (h, w), m, 0 for none, at any size; None without a depth camera.
         """
         foreseen = self._foreseen(t_ns, pose, depth_m)
-        if foreseen is None or pose is None:
+        state = self._place.at(t_ns)
+        if foreseen is None or state is None or pose is None or depth_m is None:
             return foreseen
-        return replace(foreseen, solid=self._solid.find(pose, foreseen, self._reach_m(t_ns)))
+        free, reach_m = self._view.free(pose, depth_m), self._reach_m(t_ns)
+        others = self._others.look(t_ns, pose, depth_m, free, state.ned_p_m, reach_m)
+        floor = ~free & (depth_m > 0.0) if self._solid.knows_floor(t_ns) else None
+        foreseen = replace(foreseen, others=others, floor=floor)
+        foreseen = replace(foreseen, solid=self._solid.find(free, foreseen, reach_m))
+        self._there = t_ns, free, foreseen
+        return foreseen
 
     def _foreseen(self, t_ns: int, pose: Pose | None, depth_m: Array | None) -> Foreseen | None:
         state = self._place.at(t_ns)
@@ -189,11 +204,13 @@ class Steering:
 
     def _place_is_empty(self, t_ns: int, pose: Pose, depth_m: Array | None) -> bool:
         """Whether the depth camera shows that he is not where he is foreseen."""
-        foreseen = self.expected(t_ns, pose, depth_m)
+        there = self._there
+        foreseen = there[2] if there is not None and there[0] == t_ns else self.expected(t_ns, pose, depth_m)
         return foreseen is not None and foreseen.empty
 
     def _look(self, t_ns: int, box: Box, pose: Pose, depth_m: Array | None, sure: bool) -> None:
-        foreseen = self._foreseen(t_ns, pose, depth_m)
+        there = None if self._there is None or self._there[0] != t_ns else self._there
+        foreseen = self._foreseen(t_ns, pose, depth_m) if there is None else there[2]
         # What is there is nearer or farther than he can be, or beside: nobody steps aside so quickly.
         refused = foreseen is not None and bool(foreseen.excluded({"it": box}))
         refused |= self._beside_m(box, pose, t_ns) > self._reach_m(t_ns)
@@ -201,7 +218,8 @@ class Steering:
         insists = refused and (sure or self._place_is_empty(t_ns, pose, depth_m))
         if self._insisted.note(insists, t_ns) >= _INSISTED_S:
             self._place.reset()
-            foreseen = self._cover = None
+            self._others.forget()
+            foreseen = there = self._cover = None
         elif refused or waits:
             return
         core = self._core(t_ns, box, pose, depth_m)
@@ -213,8 +231,10 @@ class Steering:
             level_m = float(np.hypot(*(found - pose.ned_p_m)[:2]))
             self._law.least_m = whole_from_m(self._camera, box, pose, level_m, self._config.slew_m_s2)
         self._place.measure(found, t_ns)
-        if foreseen is not None:
-            self._solid.learn(t_ns, box, pose, foreseen)
+        if there is not None:
+            self._solid.learn(t_ns, box, there[1], there[2])
+            if sure:
+                self._others.learn(t_ns, found)
         size_m = np.array(box[2:]) * in_camera(self._camera, pose, found)[2]
         share = -math.expm1(-(t_ns - self._measured_ns) * 1e-9 / _SIZE_MEMORY_S)
         if self._size_m is None:

@@ -65,6 +65,10 @@ class Foreseen:
     apart: NDArray[np.int8] | None = None
     """What in it is no part of the surroundings: 1, what is: -1, what is unknown: 0, (h, w), at any size; None where
     nobody knows them."""
+    others: NDArray[np.bool_] | None = None
+    """Which depths are of who is known to be somebody else, (h, w); None: of nobody."""
+    floor: NDArray[np.bool_] | None = None
+    """Which depths are of the floor, (h, w); None where nobody can tell."""
     solid: Box | None = None
     """Where the depth camera shows a thing of its size at its place, px, whatever its look; None: it does not."""
 
@@ -124,7 +128,7 @@ class Foreseen:
         for name, box in boxes.items():
             core = core_of(self.depth_m, box, self.shape)
             known = np.zeros(0) if core is None else core[core > 0.0]
-            if core is None or len(known) < _KNOWN * core.size or np.mean(self._of_cover(known, before_m)) > _MOSTLY:
+            if core is None or len(known) < _KNOWN * core.size or self._not_his(box, core, before_m) > _MOSTLY:
                 continue
             if self._fits(box, float(np.median(known))):
                 names.add(name)
@@ -167,7 +171,7 @@ class Foreseen:
             return False
         if len(known) < _KNOWN * core.size:
             return self._in_range(self.distance_m + self.reach_m + _NEARER_M)
-        if float(np.mean(self._of_cover(known, before_m))) > _MOSTLY:
+        if self._not_his(box, core, before_m) > _MOSTLY:
             return True
         return self._share(box, core, before_m) < _HIS
 
@@ -184,11 +188,23 @@ class Foreseen:
         known = np.zeros(0) if core is None else core[core > 0.0]
         if core is None or len(known) < _KNOWN * core.size:
             return 0.0
-        his = known[self._as_far(known, before_m)]
+        floor = self._marked(self.floor, box, core)
+        his = core[self._as_far(core, before_m) & ~self._marked(self.others, box, core) & ~floor]
         at_m = float(np.median(his)) if len(his) else self.distance_m
         if abs(at_m - self.distance_m) > _NEARER_M and not self._fits(box, at_m):
             return 0.0
         return len(his) / len(known)
+
+    def _not_his(self, box: Box, core: Array, before_m: float) -> float:
+        """Share of the measured pixels in the middle of a box that are of what covers him, or of somebody else."""
+        not_his = self._of_cover(core, before_m) | self._marked(self.others, box, core)
+        return float(np.mean(not_his[core > 0.0]))
+
+    def _marked(self, mask: NDArray[np.bool_] | None, box: Box, core: Array) -> NDArray[np.bool_]:
+        """Which pixels in the middle of a box are marked in a mask of the depth picture, (h, w)."""
+        if mask is None:
+            return np.zeros(core.shape, bool)
+        return mask[window_of(mask.shape, box, self.shape)]
 
     def things(self, depth_m: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Which depths, m, of any shape, are as far as the target can be, and which are of what covers it."""
@@ -216,13 +232,18 @@ def core_of(
         about_m: how far away the target must be, m: what is nearer or farther is no depth of it; NaN: unknown.
         reach_m: how far it can have got from there, m.
     """
-    (left, right), (top, bottom) = (
-        _within(box[axis], box[axis + 2], _CORE[axis], depth_m.shape[1 - axis] / shape[1 - axis]) for axis in (0, 1)
-    )
-    core = depth_m[top:bottom, left:right]
+    core = depth_m[window_of(depth_m.shape, box, shape)]
     if not core.size:
         return None
     return np.where(np.abs(core - about_m) < _NEARER_M + reach_m, core, 0.0) if math.isfinite(about_m) else core
+
+
+def window_of(picture: tuple[int, ...], box: Box, shape: tuple[int, int]) -> tuple[slice, slice]:
+    """Rows and columns of a depth picture, of a shape, in the middle of a box in a picture of another shape, px."""
+    columns, rows = (
+        slice(*_within(box[axis], box[axis + 2], _CORE[axis], picture[1 - axis] / shape[1 - axis])) for axis in (0, 1)
+    )
+    return rows, columns
 
 
 def _within(corner: float, side: float, shares: tuple[float, float], scale: float) -> tuple[int, int]:

@@ -74,6 +74,19 @@ def test_what_covered_the_target_is_not_he_either_once_it_has_passed_and_he_may_
     assert replace(unseen, covered_m=3.05).excluded(boxes) == {"half on its edge"}
 
 
+def test_neither_somebody_else_who_is_known_nor_the_floor_is_the_target_however_far_he_may_have_got() -> None:
+    boxes = {"his": HIS, "hers": _aside(60.0), "at the edge of either": _aside(-28.0), "on the floor": _aside(-60.0)}
+    depth = _depth((HIS, 4.0), (boxes["hers"], 3.6), (_aside(-30.0), 4.4), (_aside(-60.0), 4.4))
+    foreseen = Foreseen(HIS, 4.0, 1.5, depth, SHAPE)
+    assert not foreseen.excluded(boxes), "by its distance each may be he"
+    known = replace(foreseen, others=_depth((boxes["hers"], 1.0)) > 0.0, floor=depth == 4.4)
+    assert known.excluded(boxes) == {"hers", "at the edge of either", "on the floor"}
+    assert known.of_his_size(boxes).isdisjoint({"hers"}) and "hers" in foreseen.of_his_size(boxes)
+    assert known.confirmed(boxes) == {"his"} < foreseen.confirmed(boxes)
+    covered = replace(known, others=_depth((HIS, 1.0)) > 0.0)
+    assert "his" in covered.excluded(boxes), "that is she, and he behind her"
+
+
 def test_a_box_is_confirmed_where_it_is_as_large_and_as_far_as_the_target_is_foreseen() -> None:
     x, y, width, height = HIS
     boxes = {

@@ -1,0 +1,169 @@
+"""Who and what else stands near the target, followed over ground, so that it is not taken for it later.
+
+Whoever stands beside the target is somebody else, also once she has gone behind it or before it, whatever she wears.
+The trackers know looks, and what is foreseen knows one place; each thing that the depth camera shows apart from the
+target is followed here as it is, and while it is seen without a break nobody there is the target.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from onboard.follow.sight import in_ned
+from onboard.follow.things import DepthView, Mask, Thing
+from onboard.fusion.motion import MotionFilter
+from onboard.proximity.pose import Pose
+
+Array = NDArray[np.float64]
+_LEAST_M, _LEAST_M2 = 0.5, 0.05
+"""Least height of a thing, m, and least area, m²."""
+_WIDEST_M, _DEEP_M = 2.5, 0.35
+"""Greatest width of one, m, and how much nearer or farther than its half a part of it may be, m."""
+_MERGED = 1.5
+"""How many times as large as before two things are that are seen as one."""
+_SIZE_MEMORY = 0.1
+"""Share of a picture in what is known of a thing's area."""
+_GATE_M, _GATE_M_S2 = 0.5, 1.5
+"""How far from where it should be it may be found, m, and half of the acceleration by which that grows unseen, m/s²."""
+_UNSEEN_S = 0.5
+"""After how long unseen it is not known any more who it is, s."""
+_HIS_M, _APART_M = 0.4, 0.6
+"""How near to the target's place the target's own thing is, m, and from how far on another is another, m."""
+_KNOWN_S = 0.3
+"""For how long it must have stood apart from a target that was seen just then, s."""
+_NOISE_M, _START_M_S, _DENSITY = 0.1, 1.5, 4.0
+"""Standard deviation of a place, m, and of an unknown velocity, m/s; spectral density of the acceleration, m²/s³."""
+_LONGEST_STEP_S = 0.1
+
+
+@dataclass
+class _Track:
+    """A thing that is followed."""
+
+    motion: MotionFilter
+    """Its place over ground, north and east, m."""
+    seen_ns: int
+    apart_s: float = 0.0
+    """For how long it has stood apart from the target."""
+    area_m2: float = 0.0
+    thing: Thing | None = None
+    """What it is in the newest picture."""
+    place: Array = field(default_factory=lambda: np.zeros(2))
+    """Where that is, north and east, m."""
+
+    @property
+    def known(self) -> bool:
+        """Whether it is known not to be the target."""
+        return self.apart_s >= _KNOWN_S
+
+
+class Others:
+    """Follows what else stands there.
+
+    Args:
+        view: finds things in depth pictures.
+    """
+
+    def __init__(self, view: DepthView):
+        self._view = view
+        self._tracks: list[_Track] = []
+        self._own: Array | None = None
+        self._learned_ns = 0
+
+    def look(
+        self, t_ns: int, pose: Pose, depth_m: Array, free: Mask, target_ned_m: Array, reach_m: float
+    ) -> Mask | None:
+        """Follow everything into a new picture; which of its pixels are of somebody else, (h, w); None: of nobody.
+
+        Args:
+            t_ns: capture stamp, ns.
+            pose: the vehicle then.
+            depth_m: depth picture, (h, w), m, 0 for none.
+            free: which of its pixels stand free of the floor, (h, w).
+            target_ned_m: where the target is foreseen, (3,), NED, m.
+            reach_m: how far from there it may be, m.
+        """
+        parts = (self._view.near_its_half(depth_m, thing, _DEEP_M) for thing in self._view.things(depth_m, free))
+        things = [thing for thing in parts if thing is not None and self._is_thing(thing)]
+        places = np.array([self._place(thing, pose) for thing in things]).reshape(-1, 2)
+        self._assign(t_ns, things, places, np.asarray(target_ned_m)[:2], reach_m)
+        known = [track.thing for track in self._tracks if track.known and track.thing is not None]
+        if not known:
+            return None
+        mask = np.zeros(depth_m.shape, bool)
+        for thing in known:
+            mask[thing.where] |= thing.mask
+        return mask
+
+    def learn(self, t_ns: int, target_ned_m: Array) -> None:
+        """The target is surely seen at a place (3,), NED, m: what stands apart from its own thing is somebody else."""
+        step_s = min(max(t_ns - self._learned_ns, 0) * 1e-9, _LONGEST_STEP_S)
+        self._learned_ns = t_ns
+        if self._own is None or math.dist(self._own, target_ned_m[:2]) > _HIS_M:
+            return
+        for track in self._tracks:
+            if track.thing is not None and math.dist(track.place, target_ned_m[:2]) > _APART_M:
+                track.apart_s += step_s
+
+    def forget(self) -> None:
+        """Who is who is not known any more."""
+        self._tracks, self._own = [], None
+
+    def _is_thing(self, thing: Thing) -> bool:
+        m = thing.distance_m / self._view.camera.fx_px
+        large = thing.box[3] * m >= _LEAST_M and thing.area * m**2 >= _LEAST_M2
+        return large and thing.box[2] * m <= _WIDEST_M
+
+    def _area_m2(self, thing: Thing) -> float:
+        return thing.area * (thing.distance_m / self._view.camera.fx_px) ** 2
+
+    def _most_m2(self, thing: Thing, known_m2: float) -> float:
+        """How large a thing may be in truth, m²: no more than it was whole; unlimited where the picture cuts it."""
+        x, _, width, _ = thing.box
+        if x <= 0.0 or x + width >= self._view.camera.width:
+            return math.inf
+        area_m2 = self._area_m2(thing)
+        return area_m2 if math.isinf(known_m2) else max(area_m2, known_m2 + _SIZE_MEMORY * (area_m2 - known_m2))
+
+    def _place(self, thing: Thing, pose: Pose) -> Array:
+        x, y, width, height = thing.box
+        ray = self._view.camera.rays([(x + width / 2, y + height / 2)])[0]
+        return in_ned(self._view.camera, pose, ray * thing.distance_m)[:2]
+
+    def _assign(self, t_ns: int, things: list[Thing], places: Array, target: Array, reach_m: float) -> None:
+        """Who is who: the assignment of the least distances, in each one's gates; what is nobody's is new."""
+        unseen_s = [(t_ns - track.seen_ns) * 1e-9 for track in self._tracks]
+        gates = np.array([reach_m, *(_GATE_M + _GATE_M_S2 * s**2 for s in unseen_s)])
+        ahead = np.array([target, *(track.motion.value_at(t_ns) for track in self._tracks)])
+        off = np.linalg.norm(ahead[:, None] - places[None], axis=2)
+        for track in self._tracks:
+            track.thing = None
+        self._own, free = None, set(range(len(things)))
+        inside = off < gates[:, None]
+        areas = np.array([self._area_m2(thing) for thing in things])
+        for row, track in enumerate(self._tracks, 1):
+            inside[row] &= areas < _MERGED * track.area_m2
+        for row, column in zip(*linear_sum_assignment(np.where(inside, off, 1e3)), strict=True):
+            if not inside[row, column]:
+                continue
+            free.discard(int(column))
+            if row == 0:
+                self._own = places[column]
+            else:
+                self._see(self._tracks[row - 1], things[column], places[column], t_ns)
+        self._tracks = [track for track in self._tracks if t_ns - track.seen_ns < _UNSEEN_S * 1e9]
+        noise, start = np.full(2, _NOISE_M), np.full(2, _START_M_S)
+        for column in free:
+            motion, thing = MotionFilter(places[column], t_ns, noise, start), things[column]
+            self._tracks.append(_Track(motion, t_ns, 0.0, self._most_m2(thing, 0.0), thing, places[column]))
+
+    def _see(self, track: _Track, thing: Thing, place: Array, t_ns: int) -> None:
+        track.motion.predict(t_ns, np.full(2, _DENSITY))
+        track.motion.update(place, np.full(2, _NOISE_M**2))
+        track.area_m2 = self._most_m2(thing, track.area_m2)
+        track.thing, track.place, track.seen_ns = thing, place, t_ns

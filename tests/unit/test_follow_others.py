@@ -1,0 +1,102 @@
+"""Who stands beside the target is somebody else, and stays so while she is seen, whoever goes before whom."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from onboard.follow.others import Others
+from onboard.follow.things import DepthView
+from tests.unit.test_follow_solid import CAMERA, POSE, S, _depth
+
+HE_M = (4.0, 0.0)
+
+
+class Watched:
+    """He and she in depth pictures, 30 a second; who is known to be another at each column."""
+
+    def __init__(self) -> None:
+        self._view = DepthView(CAMERA)
+        self._others, self._t_ns = Others(self._view), S
+
+    def see(
+        self,
+        *people: tuple[float, float, float],
+        he: tuple[float, float] = HE_M,
+        seconds: float = 0.5,
+        sure: bool = True,
+        lean: float = 0.0,
+    ) -> np.ndarray:
+        """The same for a time; returns who is known to be another in the last picture, (h, w)."""
+        depth, mask = _depth(*people, lean=lean), None
+        for _ in range(round(30 * seconds)):
+            self._t_ns += S // 30
+            target = np.array([*he, -0.7])
+            mask = self._others.look(self._t_ns, POSE, depth, self._view.free(POSE, depth), target, 0.5)
+            if sure:
+                self._others.learn(self._t_ns, target)
+        return np.zeros(depth.shape, bool) if mask is None else mask
+
+    def forget(self) -> None:
+        self._others.forget()
+
+
+def _on(mask: np.ndarray, ahead_m: float, right_m: float) -> float:
+    """Share of somebody's middle that is known to be of another."""
+    u, v = 79.5 + right_m / ahead_m * 114.0, 59.5 + 0.6 / ahead_m * 114.0
+    return float(mask[round(v) - 5 : round(v) + 5, round(u) - 3 : round(u) + 4].mean())
+
+
+def test_who_stands_beside_him_is_another_once_both_have_been_seen_for_a_while() -> None:
+    watched, both = Watched(), ((4.0, 0.0, 0.0), (3.6, 0.9, 0.0))
+    assert not watched.see(*both, seconds=0.25).any(), "too little was seen yet"
+    mask = watched.see(*both, seconds=0.2)
+    assert _on(mask, 3.6, 0.9) == 1.0 and _on(mask, 4.0, 0.0) == 0.0
+
+
+@pytest.mark.parametrize("sure", [False, True])
+def test_nobody_is_another_where_he_was_not_surely_seen_beside_her(sure: bool) -> None:
+    watched = Watched()
+    assert not watched.see((4.0, 0.0, 0.0), (3.6, 0.9, 0.0), seconds=1.0, sure=False).any()
+    assert not watched.see((3.6, 0.9, 0.0), seconds=1.0, sure=sure).any(), "his own thing is not seen"
+    assert not watched.see((4.0, 0.0, 0.0), (4.0, 0.5, 0.0), seconds=1.0, sure=sure).any(), "one leans on the other"
+
+
+def test_she_is_another_also_where_she_has_gone_before_him_and_he_is_nobody_when_he_comes_out() -> None:
+    watched = Watched()
+    watched.see((4.0, 0.0, 0.0), (3.2, 0.9, 0.0))
+    for k in range(28):  # at 1.5 m/s she goes before him
+        mask = watched.see((4.0, 0.0, 0.0), (3.2, 0.9 - 0.05 * k, 0.0), seconds=1 / 30, sure=k < 6)
+        assert _on(mask, 3.2, 0.9 - 0.05 * k) == 1.0
+    for k in range(25):  # and stays, while he goes on to the other side
+        mask = watched.see((4.0, -0.05 * k, 0.0), (3.2, -0.45, 0.0), he=(4.0, -0.05 * k), seconds=1 / 30, sure=False)
+    assert _on(mask, 3.2, -0.45) == 1.0 and _on(mask, 4.0, -1.2) == 0.0
+
+
+def test_two_that_are_seen_as_one_are_nobody_and_neither_is_who_was_away() -> None:
+    watched = Watched()
+    watched.see((4.0, 0.0, 0.0), (4.0, 0.9, 0.0))
+    assert not watched.see((4.0, 0.0, 0.0), (4.0, 0.5, 0.0), seconds=1 / 30).any(), "they touch"
+    assert watched.see((4.0, 0.0, 0.0), (4.0, 0.9, 0.0), seconds=1 / 30).any()
+    watched.see((4.0, 0.0, 0.0), seconds=0.6)
+    assert not watched.see((4.0, 0.0, 0.0), (4.0, 0.9, 0.0), seconds=0.2).any()
+
+
+def test_pixels_between_two_do_not_make_him_a_part_of_the_screen_beside_him() -> None:
+    watched = Watched()
+    depth = _depth((4.0, 0.0, 0.0), (2.8, 1.0, 0.6))
+    watched.see((4.0, 0.0, 0.0), (2.8, 1.0, 0.6))
+    gap = depth.copy()
+    columns = np.nonzero((depth == 4.0).any(axis=0))[0]
+    gap[40:90, columns[-1] : np.nonzero((depth == 2.8).any(axis=0))[0][0] + 1] = 0.0
+    view, others = DepthView(CAMERA), watched._others
+    gap[60:64, columns[-1] : columns[-1] + 30] = np.linspace(4.0, 2.8, 30)
+    mask = others.look(watched._t_ns + S // 30, POSE, gap, view.free(POSE, gap), np.array([4.0, 0.0, -0.7]), 0.5)
+    assert mask is not None and _on(mask, 4.0, 0.0) == 0.0 and _on(mask, 2.8, 1.0) == 1.0
+
+
+def test_what_was_known_is_forgotten_with_the_target() -> None:
+    watched, both = Watched(), ((4.0, 0.0, 0.0), (3.6, 0.9, 0.0))
+    assert watched.see(*both).any()
+    watched.forget()
+    assert not watched.see(*both, seconds=0.2).any()
