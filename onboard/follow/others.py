@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from common.tracking.base import Box
 from onboard.follow.sight import in_ned
 from onboard.follow.things import DepthView, Mask, Thing
 from onboard.fusion.motion import MotionFilter
@@ -100,14 +101,23 @@ class Others:
             mask[thing.where] |= thing.mask
         return mask
 
-    def learn(self, t_ns: int, target_ned_m: Array) -> None:
-        """The target is surely seen at a place (3,), NED, m: what stands apart from its own thing is somebody else."""
+    def learn(self, t_ns: int, box: Box, target_ned_m: Array) -> None:
+        """The target is surely seen: what stands apart from it is somebody else.
+
+        Where its own thing is not measured, as beyond the camera's range, what the picture shows beside it.
+
+        Args:
+            t_ns: capture stamp of the picture that was looked at last, ns.
+            box: of the target in it, px.
+            target_ned_m: its place, (3,), NED, m.
+        """
         step_s = min(max(t_ns - self._learned_ns, 0) * 1e-9, _LONGEST_STEP_S)
         self._learned_ns = t_ns
-        if self._own is None or math.dist(self._own, target_ned_m[:2]) > _HIS_M:
-            return
+        seen = self._own is not None and math.dist(self._own, target_ned_m[:2]) < _HIS_M
         for track in self._tracks:
-            if track.thing is not None and math.dist(track.place, target_ned_m[:2]) > _APART_M:
+            if track.thing is None or math.dist(track.place, target_ned_m[:2]) < _APART_M:
+                continue
+            if seen or _beside(track.thing.box, box):
                 track.apart_s += step_s
 
     def forget(self) -> None:
@@ -167,3 +177,8 @@ class Others:
         track.motion.update(place, np.full(2, _NOISE_M**2))
         track.area_m2 = self._most_m2(thing, track.area_m2)
         track.thing, track.place, track.seen_ns = thing, place, t_ns
+
+
+def _beside(a: Box, b: Box) -> bool:
+    """Whether two boxes share no column."""
+    return a[0] > b[0] + b[2] or b[0] > a[0] + a[2]

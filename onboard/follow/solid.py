@@ -22,7 +22,7 @@ _DEEP_M = 0.6
 _COVERS = 0.2
 """Share of a thing that is as near as what covers the target from which it is that: the side of a screen is deeper."""
 _LEAST_SHARE = 0.2
-"""Least area of a thing over that of the foreseen box."""
+"""Least area of a thing over that of the foreseen box, were he as far away as he can be."""
 _TALLER, _LARGER = 0.35, 0.25
 """By how much its height and the root of its area may differ from the target's, logarithm: who leans is as large."""
 _CLEARER_M = 0.4
@@ -103,7 +103,8 @@ class Solid:
         near[window] = (free & (as_far | of_cover))[window]
         if foreseen.others is not None:
             near &= ~foreseen.others
-        least_px = _LEAST_SHARE * foreseen.box[2] * foreseen.box[3]
+        farther = 1.0 + foreseen.reach_m / foreseen.distance_m
+        least_px = _LEAST_SHARE * foreseen.box[2] * foreseen.box[3] / farther**2
         return [
             thing
             for thing in self._view.things(depth_m, near, least_px)

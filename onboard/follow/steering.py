@@ -234,7 +234,7 @@ class Steering:
         if there is not None:
             self._solid.learn(t_ns, box, there[1], there[2])
             if sure:
-                self._others.learn(t_ns, found)
+                self._others.learn(t_ns, box, found)
         size_m = np.array(box[2:]) * in_camera(self._camera, pose, found)[2]
         share = -math.expm1(-(t_ns - self._measured_ns) * 1e-9 / _SIZE_MEMORY_S)
         if self._size_m is None:

@@ -7,7 +7,7 @@ import pytest
 
 from onboard.follow.others import Others
 from onboard.follow.things import DepthView
-from tests.unit.test_follow_solid import CAMERA, POSE, S, _depth
+from tests.unit.test_follow_solid import CAMERA, POSE, S, box_at, depth_of
 
 HE_M = (4.0, 0.0)
 
@@ -28,13 +28,13 @@ class Watched:
         lean: float = 0.0,
     ) -> np.ndarray:
         """The same for a time; returns who is known to be another in the last picture, (h, w)."""
-        depth, mask = _depth(*people, lean=lean), None
+        depth, mask = depth_of(*people, lean=lean), None
         for _ in range(round(30 * seconds)):
             self._t_ns += S // 30
             target = np.array([*he, -0.7])
             mask = self._others.look(self._t_ns, POSE, depth, self._view.free(POSE, depth), target, 0.5)
             if sure:
-                self._others.learn(self._t_ns, target)
+                self._others.learn(self._t_ns, box_at(*he), target)
         return np.zeros(depth.shape, bool) if mask is None else mask
 
     def forget(self) -> None:
@@ -58,8 +58,13 @@ def test_who_stands_beside_him_is_another_once_both_have_been_seen_for_a_while()
 def test_nobody_is_another_where_he_was_not_surely_seen_beside_her(sure: bool) -> None:
     watched = Watched()
     assert not watched.see((4.0, 0.0, 0.0), (3.6, 0.9, 0.0), seconds=1.0, sure=False).any()
-    assert not watched.see((3.6, 0.9, 0.0), seconds=1.0, sure=sure).any(), "his own thing is not seen"
+    assert not watched.see((3.2, 0.3, 0.0), seconds=1.0, sure=sure).any(), "his own thing is not seen, and may be that"
     assert not watched.see((4.0, 0.0, 0.0), (4.0, 0.5, 0.0), seconds=1.0, sure=sure).any(), "one leans on the other"
+
+
+def test_she_is_another_though_he_is_beyond_what_the_camera_measures() -> None:
+    watched = Watched()
+    assert _on(watched.see((6.0, 0.9, 0.0), he=(9.0, 0.0)), 6.0, 0.9) == 1.0
 
 
 def test_she_is_another_also_where_she_has_gone_before_him_and_he_is_nobody_when_he_comes_out() -> None:
@@ -84,7 +89,7 @@ def test_two_that_are_seen_as_one_are_nobody_and_neither_is_who_was_away() -> No
 
 def test_pixels_between_two_do_not_make_him_a_part_of_the_screen_beside_him() -> None:
     watched = Watched()
-    depth = _depth((4.0, 0.0, 0.0), (2.8, 1.0, 0.6))
+    depth = depth_of((4.0, 0.0, 0.0), (2.8, 1.0, 0.6))
     watched.see((4.0, 0.0, 0.0), (2.8, 1.0, 0.6))
     gap = depth.copy()
     columns = np.nonzero((depth == 4.0).any(axis=0))[0]
