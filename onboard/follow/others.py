@@ -78,8 +78,10 @@ class Others:
 
     def look(
         self, t_ns: int, pose: Pose, depth_m: Array, free: Mask, target_ned_m: Array, reach_m: float
-    ) -> Mask | None:
-        """Follow everything into a new picture; which of its pixels are of somebody else, (h, w); None: of nobody.
+    ) -> tuple[Mask | None, Mask]:
+        """Follow everything into a new picture.
+
+        Returns which of its pixels are of somebody else, (h, w), None: of nobody, and which are of walls.
 
         Args:
             t_ns: capture stamp, ns.
@@ -89,17 +91,13 @@ class Others:
             target_ned_m: where the target is foreseen, (3,), NED, m.
             reach_m: how far from there it may be, m.
         """
-        parts = (self._view.near_its_half(depth_m, thing, _DEEP_M) for thing in self._view.things(depth_m, free))
-        things = [thing for thing in parts if thing is not None and self._is_thing(thing)]
+        things, walls = self._sorted(depth_m, free)
         places = np.array([self._place(thing, pose) for thing in things]).reshape(-1, 2)
         self._assign(t_ns, things, places, np.asarray(target_ned_m)[:2], reach_m)
         known = [track.thing for track in self._tracks if track.known and track.thing is not None]
         if not known:
-            return None
-        mask = np.zeros(depth_m.shape, bool)
-        for thing in known:
-            mask[thing.where] |= thing.mask
-        return mask
+            return None, walls
+        return _marked(known, depth_m.shape), walls
 
     def learn(self, t_ns: int, box: Box, target_ned_m: Array) -> None:
         """The target is surely seen: what stands apart from it is somebody else.
@@ -123,6 +121,17 @@ class Others:
     def forget(self) -> None:
         """Who is who is not known any more."""
         self._tracks, self._own = [], None
+
+    def _sorted(self, depth_m: Array, free: Mask) -> tuple[list[Thing], Mask]:
+        """What stands there, and which pixels are of what goes on for longer, (h, w)."""
+        things, walls = [], []
+        for piece in self._view.things(depth_m, free):
+            part = self._view.near_its_half(depth_m, piece, _DEEP_M)
+            if part is not None and self._is_thing(part):
+                things.append(part)
+            elif piece.box[2] * piece.distance_m > _WIDEST_M * self._view.camera.fx_px:
+                walls.append(piece)
+        return things, _marked(walls, depth_m.shape)
 
     def _is_thing(self, thing: Thing) -> bool:
         m = thing.distance_m / self._view.camera.fx_px
@@ -177,6 +186,13 @@ class Others:
         track.motion.update(place, np.full(2, _NOISE_M**2))
         track.area_m2 = self._most_m2(thing, track.area_m2)
         track.thing, track.place, track.seen_ns = thing, place, t_ns
+
+
+def _marked(things: list[Thing], shape: tuple[int, ...]) -> Mask:
+    mask = np.zeros(shape, bool)
+    for thing in things:
+        mask[thing.where] |= thing.mask
+    return mask
 
 
 def _beside(a: Box, b: Box) -> bool:

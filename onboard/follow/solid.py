@@ -30,8 +30,8 @@ _CLEARER_M = 0.4
 _MEMORY_S, _KNOWN_S = 1.0, 0.5
 """Time constant with which the relation of box and thing is learned, s, and after how much of that it is known."""
 _LONGEST_STEP_S = 0.1
-_FLOOR_S = 5.0
-"""For how long after that the floor is believed to be where it was, s."""
+_FREE_S = 5.0
+"""For how long after that it is believed to, s."""
 
 
 class Solid:
@@ -111,9 +111,9 @@ class Solid:
             if thing.share(of_cover) <= _COVERS and thing.farthest_m - thing.nearest_m <= _DEEP_M
         ]
 
-    def knows_floor(self, t_ns: int) -> bool:
-        """Whether the target has stood free of the floor of late: then the floor is where it is thought to be."""
-        return self._learned_s >= _KNOWN_S and t_ns - self._learned_ns < _FLOOR_S * 1e9
+    def stands_free(self, t_ns: int) -> bool:
+        """Whether the target has stood free of floor and walls of late: then the floor is where it is thought to be."""
+        return self._learned_s >= _KNOWN_S and t_ns - self._learned_ns < _FREE_S * 1e9
 
     def _window(self, shape: tuple[int, ...], foreseen: Foreseen) -> tuple[slice, slice]:
         """Rows and columns of the depth picture in which the target can be, and its like beside it."""

@@ -104,9 +104,11 @@ class Steering:
         if foreseen is None or state is None or pose is None or depth_m is None:
             return foreseen
         free, reach_m = self._view.free(pose, depth_m), self._reach_m(t_ns)
-        others = self._others.look(t_ns, pose, depth_m, free, state.ned_p_m, reach_m)
-        floor = ~free & (depth_m > 0.0) if self._solid.knows_floor(t_ns) else None
-        foreseen = replace(foreseen, others=others, floor=floor)
+        others, walls = self._others.look(t_ns, pose, depth_m, free, state.ned_p_m, reach_m)
+        around = ~free & (depth_m > 0.0)
+        if t_ns - self._measured_ns > _UNSEEN_S * 1e9:  # who is seen may lean on a wall
+            around |= walls
+        foreseen = replace(foreseen, others=others, around=around if self._solid.stands_free(t_ns) else None)
         foreseen = replace(foreseen, solid=self._solid.find(free, foreseen, reach_m))
         self._there = t_ns, free, foreseen
         return foreseen

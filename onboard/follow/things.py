@@ -80,7 +80,7 @@ class DepthView:
             least_px: least area, px² of the pictures that boxes are of.
         """
         mask = cv2.morphologyEx(of.astype(np.uint8), cv2.MORPH_CLOSE, _HOLES)
-        mask[_behind_an_edge(depth_m)] = 0
+        mask[_behind_an_edge(_filled(depth_m))] = 0
         number, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4)
         least = max(1.0, least_px * (depth_m.shape[1] / self.camera.width) ** 2)
         things = []
@@ -123,6 +123,12 @@ class DepthView:
             camera = self.camera.resized(shape[1], shape[0])
             self._rays = camera.rays(np.column_stack([columns.ravel(), rows.ravel()])).reshape(*shape, 3)
         return self._rays
+
+
+def _filled(depth_m: Array) -> Array:
+    """The same with each hole beside something as near as the nearest of that: a hole is no bridge to a wall."""
+    nearest = cv2.erode(np.where(depth_m > 0.0, depth_m, np.inf), _HOLES)
+    return np.where((depth_m > 0.0) | np.isinf(nearest), depth_m, nearest)
 
 
 def _behind_an_edge(depth_m: Array) -> Mask:

@@ -67,8 +67,8 @@ class Foreseen:
     nobody knows them."""
     others: NDArray[np.bool_] | None = None
     """Which depths are of who is known to be somebody else, (h, w); None: of nobody."""
-    floor: NDArray[np.bool_] | None = None
-    """Which depths are of the floor, (h, w); None where nobody can tell."""
+    around: NDArray[np.bool_] | None = None
+    """Which depths are of floor and walls, (h, w); None where nobody can tell."""
     solid: Box | None = None
     """Where the depth camera shows a thing of its size at its place, px, whatever its look; None: it does not."""
 
@@ -188,8 +188,8 @@ class Foreseen:
         known = np.zeros(0) if core is None else core[core > 0.0]
         if core is None or len(known) < _KNOWN * core.size:
             return 0.0
-        floor = self._marked(self.floor, box, core)
-        his = core[self._as_far(core, before_m) & ~self._marked(self.others, box, core) & ~floor]
+        not_his = self._marked(self.others, box, core) | self._marked(self.around, box, core)
+        his = core[self._as_far(core, before_m) & ~not_his]
         at_m = float(np.median(his)) if len(his) else self.distance_m
         if abs(at_m - self.distance_m) > _NEARER_M and not self._fits(box, at_m):
             return 0.0

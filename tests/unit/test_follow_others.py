@@ -32,7 +32,7 @@ class Watched:
         for _ in range(round(30 * seconds)):
             self._t_ns += S // 30
             target = np.array([*he, -0.7])
-            mask = self._others.look(self._t_ns, POSE, depth, self._view.free(POSE, depth), target, 0.5)
+            mask, _ = self._others.look(self._t_ns, POSE, depth, self._view.free(POSE, depth), target, 0.5)
             if sure:
                 self._others.learn(self._t_ns, box_at(*he), target)
         return np.zeros(depth.shape, bool) if mask is None else mask
@@ -96,8 +96,18 @@ def test_pixels_between_two_do_not_make_him_a_part_of_the_screen_beside_him() ->
     gap[40:90, columns[-1] : np.nonzero((depth == 2.8).any(axis=0))[0][0] + 1] = 0.0
     view, others = DepthView(CAMERA), watched._others
     gap[60:64, columns[-1] : columns[-1] + 30] = np.linspace(4.0, 2.8, 30)
-    mask = others.look(watched._t_ns + S // 30, POSE, gap, view.free(POSE, gap), np.array([4.0, 0.0, -0.7]), 0.5)
+    mask, walls = others.look(watched._t_ns + S // 30, POSE, gap, view.free(POSE, gap), np.array([4.0, 0.0, -0.7]), 0.5)
     assert mask is not None and _on(mask, 4.0, 0.0) == 0.0 and _on(mask, 2.8, 1.0) == 1.0
+    assert not walls.any()
+
+
+def test_what_goes_on_for_longer_than_anybody_is_wide_is_a_wall_and_who_stands_before_it_is_not() -> None:
+    depth = depth_of((4.0, 0.0, 0.0))
+    depth[(depth == 0.0) | (depth > 6.0)] = 6.0
+    depth[:, np.nonzero((depth == 4.0).any(axis=0))[0][-1]] = 0.0  # holes where his edge is
+    view = DepthView(CAMERA)
+    mask, walls = Others(view).look(S, POSE, depth, view.free(POSE, depth), np.array([4.0, 0.0, -0.7]), 0.5)
+    assert mask is None and _on(walls, 6.0, 2.0) == 1.0 and _on(walls, 4.0, 0.0) == 0.0
 
 
 def test_what_was_known_is_forgotten_with_the_target() -> None:

@@ -79,7 +79,7 @@ def test_neither_somebody_else_who_is_known_nor_the_floor_is_the_target_however_
     depth = _depth((HIS, 4.0), (boxes["hers"], 3.6), (_aside(-30.0), 4.4), (_aside(-60.0), 4.4))
     foreseen = Foreseen(HIS, 4.0, 1.5, depth, SHAPE)
     assert not foreseen.excluded(boxes), "by its distance each may be he"
-    known = replace(foreseen, others=_depth((boxes["hers"], 1.0)) > 0.0, floor=depth == 4.4)
+    known = replace(foreseen, others=_depth((boxes["hers"], 1.0)) > 0.0, around=depth == 4.4)
     assert known.excluded(boxes) == {"hers", "at the edge of either", "on the floor"}
     assert known.of_his_size(boxes).isdisjoint({"hers"}) and "hers" in foreseen.of_his_size(boxes)
     assert known.confirmed(boxes) == {"his"} < foreseen.confirmed(boxes)
