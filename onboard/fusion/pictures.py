@@ -7,14 +7,14 @@ with what the target has looked like, fused, and learned from.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import cv2
 import numpy as np
 
 from common.tracking.base import Box, Expectation, TrackResult, upright_box
-from onboard.fusion.answer import agreed
+from onboard.fusion.answer import RELIABLE, agreed
 from onboard.fusion.camera_motion import CameraMotion, expectation
 from onboard.fusion.center import Fused, Fusion
 from onboard.fusion.characters import source_of
@@ -29,10 +29,9 @@ from onboard.fusion.source import Measurement
 from onboard.fusion.witness import Verdict, Witness
 
 _LEAST_SIDE_PX = 6.0
+"""Least side of the answer, px: of less no tracker can take a patch."""
 _DOUBTED = 0.25
 """Confidence of one that is doubted, at most: below its threshold, however sure of itself it is."""
-_HEARD = 0.5
-"""Least reliability of a tracker that sees the target."""
 
 
 class PictureFusion:
@@ -46,7 +45,7 @@ class PictureFusion:
         t_ns: its stamp, ns.
     """
 
-    def __init__(self, names: Iterable[str], config: FusionConfig, frame: np.ndarray, box: Box, t_ns: int):
+    def __init__(self, names: Collection[str], config: FusionConfig, frame: np.ndarray, box: Box, t_ns: int):
         self.grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
         """The newest picture, (H, W) uint8."""
         self.place_px = np.zeros(2)
@@ -60,8 +59,8 @@ class PictureFusion:
         self._t_ns = t_ns
         self._place = PlaceCheck(t_ns)
         self._fusion = Fusion([*(source_of(name) for name in names), SILHOUETTE], config)
-        self._several = len(set(names)) > 1
-        self._witness = Witness(self.grey, box, t_ns, len(set(names)))
+        self._several = len(names) > 1
+        self._witness = Witness(self.grey, box, t_ns, len(names))
         self._riding, self._copies = Riding(), Copies()
         self._camera = CameraMotion()
         self._camera.see(self.grey, t_ns)
@@ -149,7 +148,7 @@ class PictureFusion:
                 measurements.append(_measurement_of(name, answer.result, fitted, answer.t_ns, seen_at, doubted))
         measurements += self._of_thing(answers)
         fused = _shifted(self._fusion.step(measurements, self._t_ns), self.place_px)
-        if any(j.reliability > _HEARD for name, j in fused.sources.items() if name != SILHOUETTE.name):
+        if any(j.reliability > RELIABLE for name, j in fused.sources.items() if name != SILHOUETTE.name):
             self._place.seen()
         fused = self.fused = replace(fused, restart=tuple(n for n in fused.restart if n != SILHOUETTE.name))
         if fused.state == "tracking":
