@@ -34,6 +34,9 @@ foreseen place to be given up, s, and the longest break in that."""
 _UNSEEN_S, _FOUND_S, _FOUND_BREAK_S = 0.3, 0.2, 0.1
 """After how long unseen one tracker alone must have him, and for how long, to be flown after, s, and the longest break
 in that: what it takes for him beside the edge of a screen passes in a picture or two."""
+_WITH_DEPTH_NS = 1_000_000_000
+"""For how long a target whose distance the depth camera has measured counts as one that it can measure, ns: what begins
+to cover him leaves little of him to measure."""
 _SIZE_MEMORY_S = 3.0
 """Time constant with which the size over ground follows the box, s: what slides before a target makes it smaller, and a
 tracker alone keeps its own size while the target's changes in the picture."""
@@ -74,7 +77,7 @@ class Steering:
         self._insisted, self._found = Lasting(_BREAK_S), Lasting(_FOUND_BREAK_S)
         self._size_m: Array | None = None
         self._first_size_m = np.ones(2)
-        self._with_depth = False
+        self._with_depth_ns = -_WITH_DEPTH_NS
         self.why_not = ""
         """Why nothing is asked; empty while something is."""
 
@@ -125,8 +128,9 @@ class Steering:
         (u, v), (width, height) = self._camera.project(seen[None])[0], self._size_m / seen[2]
         box = float(u - width / 2), float(v - height / 2), float(width), float(height)
         shape = (self._camera.height, self._camera.width)
+        with_depth = self._measured_ns - self._with_depth_ns < _WITH_DEPTH_NS
         covered_m = math.nan if self._cover is None else float(in_camera(self._camera, pose, self._cover)[2])
-        return Foreseen(box, float(seen[2]), self._gone_m(t_ns), depth_m, shape, self._with_depth, covered_m)
+        return Foreseen(box, float(seen[2]), self._gone_m(t_ns), depth_m, shape, with_depth, covered_m)
 
     def step(
         self,
@@ -244,4 +248,5 @@ class Steering:
         size_m = self._size_m + share * (size_m - self._size_m)
         self._size_m = np.clip(size_m, self._first_size_m / _MOST_GROWN, self._first_size_m * _MOST_GROWN)
         self._measured_ns = t_ns
-        self._with_depth = core is not None and int(np.count_nonzero(core)) > core.size / 2
+        if core is not None and int(np.count_nonzero(core)) > core.size / 2:
+            self._with_depth_ns = t_ns

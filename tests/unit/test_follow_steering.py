@@ -151,6 +151,22 @@ def test_with_a_depth_camera_a_box_that_does_not_shrink_with_the_target_takes_no
     assert state is not None and state.distance_m > 6.2, "who passes before him does not tell how far he is"
 
 
+def test_a_target_of_which_little_is_left_to_measure_counts_for_a_while_as_one_that_can_be_measured() -> None:
+    camera = _camera(0.17)
+    steering = Steering(FollowConfig(), DepthConfig(), camera)
+    box, pose = _seen(camera, 5.0, 0.0)
+    vehicle, whole = Vehicle(pose.ned_p_m, np.zeros(3), 0.0, 0.0), np.full((120, 160), 5.0)
+    sliver = np.zeros((120, 160))
+    sliver[:, 78:80] = 5.0
+    measured = []
+    for k, depth in enumerate([whole, *[sliver] * 40]):
+        steering.step(S + k * S // 30, box, pose, vehicle, depth)
+        expected = steering.expected(S + (k + 1) * S // 30, pose)
+        assert expected is not None
+        measured.append(expected.measured)
+    assert measured == [True] * 30 + [False] * 11
+
+
 def test_what_has_covered_the_target_is_remembered_where_it_is_until_he_is_seen_again() -> None:
     camera = _camera(0.17)
     steering = Steering(FollowConfig(), DepthConfig(), camera)
