@@ -30,7 +30,7 @@ _CLEARER_M = 0.4
 _MEMORY_S, _KNOWN_S = 1.0, 0.5
 """Time constant with which the relation of box and thing is learned, s, and after how much of that it is known."""
 _LONGEST_STEP_S = 0.1
-_FREE_S = 5.0
+_FREE_S = 3.0
 """For how long after that it is believed to, s."""
 
 

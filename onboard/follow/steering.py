@@ -34,6 +34,8 @@ foreseen place to be given up, s, and the longest break in that."""
 _UNSEEN_S, _FOUND_S, _FOUND_BREAK_S = 0.3, 0.2, 0.1
 """After how long unseen one tracker alone must have him, and for how long, to be flown after, s, and the longest break
 in that: what it takes for him beside the edge of a screen passes in a picture or two."""
+_COVERED = 0.2
+"""Share of the middle of his place from which somebody else covers him."""
 _WITH_DEPTH_NS = 1_000_000_000
 """For how long a target whose distance the depth camera has measured counts as one that it can measure, ns: what begins
 to cover him leaves little of him to measure."""
@@ -108,10 +110,13 @@ class Steering:
             return foreseen
         free, reach_m = self._view.free(pose, depth_m), self._reach_m(t_ns)
         others, walls = self._others.look(t_ns, pose, depth_m, free, state.ned_p_m, reach_m)
-        around = ~free & (depth_m > 0.0)
-        if t_ns - self._measured_ns > _UNSEEN_S * 1e9:  # who is seen may lean on a wall
-            around |= walls
-        foreseen = replace(foreseen, others=others, around=around if self._solid.stands_free(t_ns) else None)
+        foreseen = replace(foreseen, others=others)
+        if self._solid.stands_free(t_ns):
+            around = ~free & (depth_m > 0.0)
+            # Who is seen may lean on a wall; who is being covered has not got there.
+            if t_ns - self._measured_ns > _UNSEEN_S * 1e9 or foreseen.covered_by_others > _COVERED:
+                around |= walls
+            foreseen = replace(foreseen, around=around)
         foreseen = replace(foreseen, solid=self._solid.find(free, foreseen, reach_m))
         self._there = t_ns, free, foreseen
         return foreseen

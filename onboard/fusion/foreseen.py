@@ -87,6 +87,14 @@ class Foreseen:
         return float(np.median(nearer)) if core is not None and len(nearer) > core.size / 2 else self.covered_m
 
     @property
+    def covered_by_others(self) -> float:
+        """Share of the middle of his place that shows somebody else."""
+        if self.others is None:
+            return 0.0
+        part = self.others[window_of(self.others.shape, self.box, self.shape)]
+        return float(np.mean(part)) if part.size else 0.0
+
+    @property
     def empty(self) -> bool:
         """Whether the depth camera shows that nobody is there: what is behind it, and nothing like the target."""
         if self.depth_m is None or self.solid is not None or self.outside or not math.isfinite(self.distance_m):

@@ -5,8 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from onboard.follow.config import FollowConfig
+from onboard.follow.law import Vehicle
 from onboard.follow.others import Others
+from onboard.follow.steering import Steering
 from onboard.follow.things import DepthView
+from onboard.fusion.config import DepthConfig
+from onboard.fusion.foreseen import Foreseen
 from tests.unit.test_follow_solid import CAMERA, POSE, S, box_at, depth_of
 
 HE_M = (4.0, 0.0)
@@ -115,3 +120,49 @@ def test_what_was_known_is_forgotten_with_the_target() -> None:
     assert watched.see(*both).any()
     watched.forget()
     assert not watched.see(*both, seconds=0.2).any()
+
+
+def _before_a_wall(*people: tuple[float, float, float]) -> np.ndarray:
+    depth = depth_of(*people)
+    depth[(depth == 0.0) | (depth > 4.8)] = 4.8
+    return depth
+
+
+class Followed:
+    """He before a wall, followed by a vehicle that stands, 30 pictures a second."""
+
+    def __init__(self) -> None:
+        self._steering, self._t_ns = Steering(FollowConfig(camera="front"), DepthConfig(), CAMERA), S
+        self._vehicle = Vehicle(POSE.ned_p_m, np.zeros(3), 0.0, 0.0)
+
+    def see(self, depth: np.ndarray, seconds: float, *, seen: bool = True) -> Foreseen:
+        """The same for a time; what is foreseen in the last picture."""
+        box = box_at(*HE_M) if seen else None
+        for _ in range(round(30 * seconds)):
+            self._t_ns += S // 30
+            foreseen = self._steering.expected(self._t_ns, POSE, depth)
+            self._steering.step(self._t_ns, box, POSE, self._vehicle, depth, sure=seen)
+        assert foreseen is not None
+        return foreseen
+
+
+def test_a_wall_is_not_he_while_he_is_unseen_or_covered_and_who_is_seen_may_lean_on_it() -> None:
+    followed = Followed()
+    assert followed.see(_before_a_wall((4.0, 0.0, 0.0)), 0.4).around is None, "he may stand on anything"
+    foreseen = followed.see(_before_a_wall((4.0, 0.0, 0.0), (3.0, 1.0, 0.0)), 1.0)
+    assert foreseen.around is not None and _on(foreseen.around, 4.8, 1.0) == 0.0
+    assert foreseen.around[115, 80], "the floor"
+    for right_m in np.arange(0.9, 0.15, -0.1):
+        covered = followed.see(_before_a_wall((4.0, 0.0, 0.0), (3.0, right_m, 0.0)), 1 / 30)
+    assert covered.others is not None and covered.around is not None and _on(covered.around, 4.8, 1.0) == 1.0
+    unseen = followed.see(_before_a_wall((3.0, 0.2, 0.0)), 0.5, seen=False)
+    assert unseen.excluded({"at the wall": box_at(4.3, 0.9)}) == {"at the wall"}
+
+
+def test_who_leans_on_the_wall_and_cannot_be_told_from_it_is_not_taken_for_the_wall() -> None:
+    followed = Followed()
+    followed.see(_before_a_wall((4.0, 0.0, 0.0)), 1.0)
+    leaning = _before_a_wall()
+    leaning[leaning == 4.8] = 4.2
+    foreseen = followed.see(leaning, 4.0)
+    assert not foreseen.excluded({"he": box_at(4.2, 0.0)})
