@@ -118,12 +118,11 @@ class Foreseen:
         Where the camera measures nothing, what is there is beyond its range, or as dark as the target may be, too.
         While the picture does not show where the target can be, those that are not at its place.
         """
-        if self.outside:
-            return frozenset(name for name, box in boxes.items() if not as_foreseen(box, self.box))
+        away = frozenset(name for name, box in boxes.items() if self.outside and not as_foreseen(box, self.box))
         if self.depth_m is None or not math.isfinite(self.distance_m):
-            return frozenset()
+            return away
         before_m = self.before_m
-        return frozenset(name for name, box in boxes.items() if self._at_another(self.depth_m, box, before_m))
+        return away | {name for name, box in boxes.items() if self._at_another(self.depth_m, box, before_m)}
 
     def of_his_size(self, boxes: Mapping[str, Box]) -> frozenset[str]:
         """Trackers whose box is as large as the target, at the distance that is measured there, and not what covers it.
@@ -137,6 +136,8 @@ class Foreseen:
             core = core_of(self.depth_m, box, self.shape)
             known = np.zeros(0) if core is None else core[core > 0.0]
             if core is None or len(known) < _KNOWN * core.size or self._not_his(box, core, before_m) > _MOSTLY:
+                continue
+            if float(np.mean(self._marked(self.around, box, core))) > _MOSTLY:
                 continue
             if self._fits(box, float(np.median(known))):
                 names.add(name)
