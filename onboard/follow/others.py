@@ -49,9 +49,11 @@ class _Track:
     motion: MotionFilter
     """Its place over ground, north and east, m."""
     seen_ns: int
+    """When it was seen last."""
     apart_s: float = 0.0
     """For how long it has stood apart from the target."""
     area_m2: float = 0.0
+    """How large it has been of late; infinite where the picture cut it."""
     thing: Thing | None = None
     """What it is in the newest picture."""
     place: Array = field(default_factory=lambda: np.zeros(2))
@@ -142,7 +144,10 @@ class Others:
         return thing.area * (thing.distance_m / self._view.camera.fx_px) ** 2
 
     def _most_m2(self, thing: Thing, known_m2: float) -> float:
-        """How large a thing may be in truth, m²: no more than it was whole; unlimited where the picture cuts it."""
+        """How large a thing that was as large as known is now, m²: soon larger, smaller only by and by.
+
+        Infinite where the picture cuts it.
+        """
         x, _, width, _ = thing.box
         if x <= 0.0 or x + width >= self._view.camera.width:
             return math.inf
@@ -176,10 +181,11 @@ class Others:
             else:
                 self._see(self._tracks[row - 1], things[column], places[column], t_ns)
         self._tracks = [track for track in self._tracks if t_ns - track.seen_ns < _UNSEEN_S * 1e9]
-        noise, start = np.full(2, _NOISE_M), np.full(2, _START_M_S)
-        for column in free:
-            motion, thing = MotionFilter(places[column], t_ns, noise, start), things[column]
-            self._tracks.append(_Track(motion, t_ns, 0.0, self._most_m2(thing, 0.0), thing, places[column]))
+        self._tracks += [self._begun(things[column], places[column], t_ns) for column in free]
+
+    def _begun(self, thing: Thing, place: Array, t_ns: int) -> _Track:
+        motion = MotionFilter(place, t_ns, np.full(2, _NOISE_M), np.full(2, _START_M_S))
+        return _Track(motion, t_ns, 0.0, self._most_m2(thing, 0.0), thing, place)
 
     def _see(self, track: _Track, thing: Thing, place: Array, t_ns: int) -> None:
         track.motion.predict(t_ns, np.full(2, _DENSITY))
