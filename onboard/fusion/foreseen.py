@@ -81,10 +81,19 @@ class Foreseen:
 
     @property
     def before_m(self) -> float:
-        """How far away what covers the target is, in this picture or since it was seen last, m; NaN: nothing does."""
+        """How far away what covers the target is, in this picture or since it was seen last, m; NaN: nothing does.
+
+        What is nearer than the target can have come, is known to be somebody else, or as far as what covered it before:
+        what else is nearer than it was is the target itself, come nearer behind that.
+        """
         core = None if self.depth_m is None else core_of(self.depth_m, self.box, self.shape)
-        nearer = np.zeros(0) if core is None else core[(core > 0.0) & (core < self.distance_m - _NEARER_M)]
-        return float(np.median(nearer)) if core is not None and len(nearer) > core.size / 2 else self.covered_m
+        if core is None or not core.size:
+            return self.covered_m
+        nearer = (core > 0.0) & (core < self.distance_m - _NEARER_M)
+        covers = core < self.distance_m - _NEARER_M - self.reach_m
+        covers |= self._marked(self.others, self.box, core) | (np.abs(core - self.covered_m) < _NEARER_M / 2)
+        covers &= nearer
+        return float(np.median(core[covers])) if np.count_nonzero(covers) > core.size / 2 else self.covered_m
 
     @property
     def covered_by_others(self) -> float:

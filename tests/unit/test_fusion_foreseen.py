@@ -48,7 +48,7 @@ def test_where_nothing_can_be_measured_is_not_the_target_that_could_be_within_th
 
 def test_what_stands_before_the_target_is_not_the_target_however_long_it_stands_there() -> None:
     screen = (100.0, 20.0, 90.0, 190.0)
-    foreseen = Foreseen(HIS, 4.0, 1.5, _depth((screen, 3.0)), SHAPE)
+    foreseen = Foreseen(HIS, 4.0, 1.5, _depth((screen, 3.0)), SHAPE, covered_m=3.1)
     assert foreseen.excluded({"on it": _aside(10.0), "elsewhere": _aside(100.0)}) == {"on it"}
 
 
@@ -64,6 +64,14 @@ def test_while_the_picture_does_not_show_his_place_who_is_elsewhere_is_not_heard
     assert wall.excluded({"at a wall there": at_the_edge}) == {"at a wall there"}
     assert not replace(entering, reach_m=0.1).excluded(boxes), "he was seen just now"
     assert not replace(foreseen, box=(30.0, *HIS[1:])).excluded(boxes), "by now he would be seen there"
+
+
+def test_who_has_come_nearer_behind_what_covered_him_does_not_cover_himself() -> None:
+    nearer = Foreseen(HIS, 4.0, 1.5, _depth((HIS, 3.4)), SHAPE, covered_m=2.6)
+    assert nearer.before_m == 2.6 and not nearer.excluded({"his": HIS})
+    assert replace(nearer, reach_m=0.0, covered_m=math.nan).before_m == 3.4, "nobody comes nearer at once"
+    assert replace(nearer, covered_m=3.3).before_m == 3.4, "the same goes on"
+    assert replace(nearer, others=_depth((HIS, 3.4)) > 0.0).before_m == 3.4, "she is known"
 
 
 def test_what_covered_the_target_is_not_he_either_once_it_has_passed_and_he_may_be_as_near() -> None:
