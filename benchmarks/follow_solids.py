@@ -85,15 +85,12 @@ _HEAD = ((0.0, 0.12), (0.15, 0.3), (0.45, 0.36), (0.75, 0.3), (0.92, 0.18), (1.0
 _BIN = ((0.0, 0.36), (0.06, 0.36), (0.07, 0.33), (0.97, 0.25), (1.0, 0.25))
 
 
-def person(
-    rng: np.random.Generator, paint: dict[str, np.ndarray] | None = None, *, striped: bool = False
-) -> tuple[Solid, dict[str, np.ndarray]]:
+def person(rng: np.random.Generator, paint: dict[str, np.ndarray] | None = None) -> tuple[Solid, dict[str, np.ndarray]]:
     """A person of 1.75 m in drawn clothes, and the paint, for another in the same clothes, whose folds are other ones.
 
     Args:
         rng: draws them.
         paint: of somebody else.
-        striped: whether the same colours are arranged differently.
     """
     names = ("skin", "hair", "shirt", "pack", "trousers", "mark")
     colours = paint or {name: rng.uniform(20, 230, 3) for name in names}
@@ -105,12 +102,8 @@ def person(
     surface[:4] = colours["hair"]
     surface[13:52] = np.where((angle < 1.9)[None, :, None], colours["shirt"], colours["pack"])
     surface[52:] = colours["trousers"]
-    if striped:  # stripes across instead of the mark, legs in the pack's colour
-        surface[16:52:8], surface[20:52:8] = colours["mark"], colours["mark"]
-        surface[66:] = colours["pack"]
-    else:
-        surface[22:34, angle < 0.5] = colours["mark"]
-        surface[40:46, (angle > 2.2) & (angle < 3.0)] = colours["mark"]
+    surface[22:34, angle < 0.5] = colours["mark"]
+    surface[40:46, (angle > 2.2) & (angle < 3.0)] = colours["mark"]
     for row in (6, 7):
         surface[row, (angle > 0.25) & (angle < 0.55)] = 20
     surface[55:, angle < 0.12] *= 0.5
