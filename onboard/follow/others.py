@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from common.tracking.base import Box
-from onboard.follow.sight import in_ned
+from common.tracking.base import Box, center_of
+from onboard.follow.sight import in_camera, in_ned
 from onboard.follow.things import DepthView, Mask, Thing
 from onboard.fusion.motion import MotionFilter
 from onboard.proximity.pose import Pose
@@ -31,14 +31,17 @@ _SIZE_MEMORY = 0.1
 """Share of a picture in what is known of a thing's area."""
 _GATE_M, _GATE_M_S2 = 0.5, 1.5
 """How far from where it should be it may be found, m, and half of the acceleration by which that grows unseen, m/s²."""
-_UNSEEN_S = 0.5
-"""After how long unseen it is not known any more who it is, s."""
+_WIDEST_GATE_M = 0.8
+_UNSEEN_S, _MERGED_S = 0.5, 2.0
+"""After how long unseen it is not known any more who it is, s, and after how long as a part of something larger."""
 _HIS_M, _APART_M = 0.4, 0.6
 """How near to the target's place the target's own thing is, m, and from how far on another is another, m."""
 _KNOWN_S = 0.3
 """For how long it must have stood apart from a target that was seen just then, s."""
 _NOISE_M, _START_M_S, _DENSITY = 0.1, 1.5, 4.0
 """Standard deviation of a place, m, and of an unknown velocity, m/s; spectral density of the acceleration, m²/s³."""
+_MERGED_NOISE_M = 0.3
+"""The same of the place of who is a part of something larger, m."""
 _LONGEST_STEP_S = 0.1
 
 
@@ -56,8 +59,14 @@ class _Track:
     """How large it has been of late; infinite where the picture cut it."""
     thing: Thing | None = None
     """What it is in the newest picture."""
-    place: Array = field(default_factory=lambda: np.zeros(2))
-    """Where that is, north and east, m."""
+    place: Array = field(default_factory=lambda: np.zeros(3))
+    """Where that is, (3,), NED, m."""
+    width_m: float = 0.0
+    """How wide that was, m."""
+    side: float = 1.0
+    """Whether it was right (1) or left (-1) of the target in the picture."""
+    merged_ns: int = 0
+    """When it was last a part of something larger, ns."""
 
     @property
     def known(self) -> bool:
@@ -94,8 +103,9 @@ class Others:
             reach_m: how far from there it may be, m.
         """
         things, walls = self._sorted(depth_m, free)
-        places = np.array([self._place(thing, pose) for thing in things]).reshape(-1, 2)
+        places = np.array([self._place(thing, pose) for thing in things]).reshape(-1, 3)
         self._assign(t_ns, things, places, np.asarray(target_ned_m)[:2], reach_m)
+        self._hold(t_ns, things, pose, target_ned_m, depth_m)
         known = [track.thing for track in self._tracks if track.known and track.thing is not None]
         if not known:
             return None, walls
@@ -113,9 +123,9 @@ class Others:
         """
         step_s = min(max(t_ns - self._learned_ns, 0) * 1e-9, _LONGEST_STEP_S)
         self._learned_ns = t_ns
-        seen = self._own is not None and math.dist(self._own, target_ned_m[:2]) < _HIS_M
+        seen = self._own is not None and math.dist(self._own[:2], target_ned_m[:2]) < _HIS_M
         for track in self._tracks:
-            if track.thing is None or math.dist(track.place, target_ned_m[:2]) < _APART_M:
+            if track.seen_ns != t_ns or track.thing is None or math.dist(track.place[:2], target_ned_m[:2]) < _APART_M:
                 continue
             if seen or _beside(track.thing.box, box):
                 track.apart_s += step_s
@@ -140,6 +150,9 @@ class Others:
         large = thing.box[3] * m >= _LEAST_M and thing.area * m**2 >= _LEAST_M2
         return large and thing.box[2] * m <= _WIDEST_M
 
+    def _width_m(self, thing: Thing) -> float:
+        return thing.box[2] * thing.distance_m / self._view.camera.fx_px
+
     def _area_m2(self, thing: Thing) -> float:
         return thing.area * (thing.distance_m / self._view.camera.fx_px) ** 2
 
@@ -155,16 +168,45 @@ class Others:
         return area_m2 if math.isinf(known_m2) else max(area_m2, known_m2 + _SIZE_MEMORY * (area_m2 - known_m2))
 
     def _place(self, thing: Thing, pose: Pose) -> Array:
-        x, y, width, height = thing.box
-        ray = self._view.camera.rays([(x + width / 2, y + height / 2)])[0]
-        return in_ned(self._view.camera, pose, ray * thing.distance_m)[:2]
+        ray = self._view.camera.rays([center_of(thing.box)])[0]
+        return in_ned(self._view.camera, pose, ray * thing.distance_m)
+
+    def _hold(self, t_ns: int, things: list[Thing], pose: Pose, target_ned_m: Array, depth_m: Array) -> None:
+        """Who is known and not seen by herself may be a part of something larger, at that end of it where she stood."""
+        camera = self._view.camera
+        target_px = float(camera.project(in_camera(camera, pose, np.asarray(target_ned_m))[None])[0, 0])
+        for track in self._tracks:
+            if track.thing is not None:
+                track.side = math.copysign(1.0, center_of(track.thing.box)[0] - target_px)
+            elif track.known and t_ns - track.seen_ns < _MERGED_S * 1e9:
+                near = [thing for thing in things if self._may_hold(thing, track, t_ns, pose)]
+                track.thing = self._end_of(near[0], track, depth_m) if near else None
+                if track.thing is not None:
+                    track.merged_ns = t_ns
+                    track.motion.predict(t_ns, np.full(2, _DENSITY))
+                    track.motion.update(self._place(track.thing, pose)[:2], np.full(2, _MERGED_NOISE_M**2))
+
+    def _may_hold(self, thing: Thing, track: _Track, t_ns: int, pose: Pose) -> bool:
+        camera = self._view.camera
+        there = in_camera(camera, pose, np.array([*track.motion.value_at(t_ns), track.place[2]]))
+        if there[2] <= 0.0 or abs(thing.distance_m - there[2]) > _GATE_M:
+            return False
+        u, room_px = float(camera.project(there[None])[0, 0]), _WIDEST_GATE_M / there[2] * camera.fx_px
+        left, width = thing.box[0], thing.box[2]
+        return left - room_px < u < left + width + room_px and self._width_m(thing) > track.width_m
+
+    def _end_of(self, thing: Thing, track: _Track, depth_m: Array) -> Thing | None:
+        wide_px = track.width_m / thing.distance_m * self._view.camera.fx_px
+        left, right = thing.box[0], thing.box[0] + thing.box[2]
+        ends = (left, left + wide_px) if track.side < 0.0 else (right - wide_px, right)
+        return self._view.between(depth_m, thing, *ends)
 
     def _assign(self, t_ns: int, things: list[Thing], places: Array, target: Array, reach_m: float) -> None:
         """Who is who: the assignment of the least distances, in each one's gates; what is nobody's is new."""
         unseen_s = [(t_ns - track.seen_ns) * 1e-9 for track in self._tracks]
-        gates = np.array([reach_m, *(_GATE_M + _GATE_M_S2 * s**2 for s in unseen_s)])
+        gates = np.array([reach_m, *(min(_GATE_M + _GATE_M_S2 * s**2, _WIDEST_GATE_M) for s in unseen_s)])
         ahead = np.array([target, *(track.motion.value_at(t_ns) for track in self._tracks)])
-        off = np.linalg.norm(ahead[:, None] - places[None], axis=2)
+        off = np.linalg.norm(ahead[:, None] - places[None, :, :2], axis=2)
         for track in self._tracks:
             track.thing = None
         self._own, free = None, set(range(len(things)))
@@ -180,18 +222,18 @@ class Others:
                 self._own = places[column]
             else:
                 self._see(self._tracks[row - 1], things[column], places[column], t_ns)
-        self._tracks = [track for track in self._tracks if t_ns - track.seen_ns < _UNSEEN_S * 1e9]
+        self._tracks = [t for t in self._tracks if t_ns - max(t.seen_ns, t.merged_ns) < _UNSEEN_S * 1e9]
         self._tracks += [self._begun(things[column], places[column], t_ns) for column in free]
 
     def _begun(self, thing: Thing, place: Array, t_ns: int) -> _Track:
-        motion = MotionFilter(place, t_ns, np.full(2, _NOISE_M), np.full(2, _START_M_S))
-        return _Track(motion, t_ns, 0.0, self._most_m2(thing, 0.0), thing, place)
+        motion = MotionFilter(place[:2], t_ns, np.full(2, _NOISE_M), np.full(2, _START_M_S))
+        return _Track(motion, t_ns, 0.0, self._most_m2(thing, 0.0), thing, place, self._width_m(thing))
 
     def _see(self, track: _Track, thing: Thing, place: Array, t_ns: int) -> None:
         track.motion.predict(t_ns, np.full(2, _DENSITY))
-        track.motion.update(place, np.full(2, _NOISE_M**2))
+        track.motion.update(place[:2], np.full(2, _NOISE_M**2))
         track.area_m2 = self._most_m2(thing, track.area_m2)
-        track.thing, track.place, track.seen_ns = thing, place, t_ns
+        track.thing, track.place, track.seen_ns, track.width_m = thing, place, t_ns, self._width_m(thing)
 
 
 def _marked(things: list[Thing], shape: tuple[int, ...]) -> Mask:

@@ -100,6 +100,17 @@ class DepthView:
         mine = thing.mask & (off_m < deep_m)
         if np.count_nonzero(mine) < _MOSTLY * np.count_nonzero(thing.mask):
             return None
+        return self._part(depth_m, thing, mine)
+
+    def between(self, depth_m: Array, thing: Thing, left_px: float, right_px: float) -> Thing | None:
+        """The part of a thing between two columns, px of the pictures that boxes are of; None where there is none."""
+        scale = self.camera.width / depth_m.shape[1]
+        columns = (np.arange(thing.mask.shape[1]) + thing.where[1].start + 0.5) * scale
+        mine = thing.mask & ((columns >= left_px) & (columns <= right_px))
+        return self._part(depth_m, thing, mine) if (depth_m[thing.where][mine] > 0.0).any() else None
+
+    def _part(self, depth_m: Array, thing: Thing, mine: Mask) -> Thing:
+        """The part of a thing that is marked in a mask of its own rows and columns."""
         rows, columns = np.nonzero(mine.any(axis=1))[0], np.nonzero(mine.any(axis=0))[0]
         inner = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
         top, left = thing.where[0].start, thing.where[1].start

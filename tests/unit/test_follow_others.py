@@ -83,13 +83,27 @@ def test_she_is_another_also_where_she_has_gone_before_him_and_he_is_nobody_when
     assert _on(mask, 3.2, -0.45) == 1.0 and _on(mask, 4.0, -1.2) == 0.0
 
 
-def test_two_that_are_seen_as_one_are_nobody_and_neither_is_who_was_away() -> None:
+def test_while_two_are_seen_as_one_she_is_the_part_where_she_should_be() -> None:
     watched = Watched()
     watched.see((4.0, 0.0, 0.0), (4.0, 0.9, 0.0))
-    assert not watched.see((4.0, 0.0, 0.0), (4.0, 0.5, 0.0), seconds=1 / 30).any(), "they touch"
-    assert watched.see((4.0, 0.0, 0.0), (4.0, 0.9, 0.0), seconds=1 / 30).any()
+    for right_m in np.arange(0.85, 0.5, -0.05):
+        watched.see((4.0, 0.0, 0.0), (4.0, right_m, 0.0), seconds=1 / 30)
+    mask = watched.see((4.0, 0.0, 0.0), (4.0, 0.48, 0.0), seconds=1 / 30, sure=False)
+    assert _on(mask, 4.0, 0.48) > 0.8 and _on(mask, 4.0, 0.0) == 0.0
+    watched.see((4.0, 0.0, 0.0), (4.0, 0.48, 0.0), seconds=1.0, sure=False)
+    mask = watched.see((4.0, 0.0, 0.0), (4.0, 0.6, 0.0), seconds=0.1, sure=False)
+    assert _on(mask, 4.0, 0.6) == 1.0 and _on(mask, 4.0, 0.0) == 0.0, "she has not become he"
+
+
+def test_who_was_away_is_not_known_any_more_nor_who_has_been_one_with_him_for_long() -> None:
+    watched = Watched()
+    watched.see((4.0, 0.0, 0.0), (4.0, 0.9, 0.0))
     watched.see((4.0, 0.0, 0.0), seconds=0.6)
     assert not watched.see((4.0, 0.0, 0.0), (4.0, 0.9, 0.0), seconds=0.2).any()
+    watched = Watched()
+    watched.see((4.0, 0.0, 0.0), (4.0, 0.7, 0.0))
+    watched.see((4.0, 0.0, 0.0), (4.0, 0.48, 0.0), seconds=2.6, sure=False)
+    assert not watched.see((4.0, 0.0, 0.0), (4.0, 0.7, 0.0), seconds=0.1, sure=False).any()
 
 
 def test_pixels_between_two_do_not_make_him_a_part_of_the_screen_beside_him() -> None:
