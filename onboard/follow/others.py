@@ -27,6 +27,8 @@ _WIDEST_M, _DEEP_M = 2.5, 0.35
 """Greatest width of one, m, and how much nearer or farther than its half a part of it may be, m."""
 _MERGED = 1.5
 """How many times as large as before two things are that are seen as one."""
+_WIDER = 1.3
+"""How many times as wide as one of them: he, who may only be a little wider, is not her and somebody else."""
 _SIZE_MEMORY = 0.1
 """Share of a picture in what is known of a thing's area."""
 _GATE_M, _GATE_M_S2 = 0.5, 1.5
@@ -193,7 +195,7 @@ class Others:
             return False
         u, room_px = float(camera.project(there[None])[0, 0]), _WIDEST_GATE_M / there[2] * camera.fx_px
         left, width = thing.box[0], thing.box[2]
-        return left - room_px < u < left + width + room_px and self._width_m(thing) > track.width_m
+        return left - room_px < u < left + width + room_px and self._width_m(thing) > _WIDER * track.width_m
 
     def _end_of(self, thing: Thing, track: _Track, depth_m: Array) -> Thing | None:
         wide_px = track.width_m / thing.distance_m * self._view.camera.fx_px

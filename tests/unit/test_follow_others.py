@@ -95,6 +95,12 @@ def test_while_two_are_seen_as_one_she_is_the_part_where_she_should_be() -> None
     assert _on(mask, 4.0, 0.6) == 1.0 and _on(mask, 4.0, 0.0) == 0.0, "she has not become he"
 
 
+def test_he_alone_is_not_taken_for_her_and_somebody_else() -> None:
+    watched = Watched()
+    watched.see((4.0, 0.0, 0.1), (4.0, 0.7, 0.0))
+    assert not watched.see((4.0, 0.0, 0.1), seconds=0.3).any(), "she is gone"
+
+
 def test_who_was_away_is_not_known_any_more_nor_who_has_been_one_with_him_for_long() -> None:
     watched = Watched()
     watched.see((4.0, 0.0, 0.0), (4.0, 0.9, 0.0))
