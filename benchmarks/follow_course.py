@@ -3,7 +3,7 @@
 He walks round a loop before the vehicle, faster and slower. All along it comes what trackers are known to fail at, in
 three rows that know nothing of each other: what he and the vehicle do (he turns about, bends over, hurries ahead or
 steps back; the operator turns the vehicle away from him), who else is there (a screen or somebody in his uniform
-passes before him; somebody in his uniform walks beside him), and what the pictures suffer (the light changes; the
+passes before him; another in it walks beside him), and what the pictures suffer (the light changes; the
 camera shakes). Only while the operator turns the vehicle away nobody else is there. So he may come out from behind
 the screen with his back turned and in the dark. In a row one follows the other with hardly a pause, each kind once
 before any comes again. The order, the sides and the strengths are drawn.

@@ -31,7 +31,7 @@ _MEMORY_S, _KNOWN_S = 1.0, 0.5
 """Time constant with which the relation of box and thing is learned, s, and after how much of that it is known."""
 _LONGEST_STEP_S = 0.1
 _FREE_S = 3.0
-"""For how long after that it is believed to, s."""
+"""For how long a target that stood free of floor and walls is believed not to be found in them, s."""
 
 
 class Solid:

@@ -111,12 +111,10 @@ class Steering:
         free, reach_m = self._view.free(pose, depth_m), self._reach_m(t_ns)
         others, walls = self._others.look(t_ns, pose, depth_m, free, state.ned_p_m, reach_m)
         foreseen = replace(foreseen, others=others)
-        if self._solid.stands_free(t_ns):
-            around = ~free & (depth_m > 0.0)
-            # Who is seen may lean on a wall; who is being covered has not got there.
-            if t_ns - self._measured_ns > _UNSEEN_S * 1e9 or foreseen.covered_by_others > _COVERED:
-                around |= walls
-            foreseen = replace(foreseen, around=around)
+        # Who is seen may lean on a wall, or walk down a slope; who is unseen, or being covered, has not got there.
+        away = t_ns - self._measured_ns > _UNSEEN_S * 1e9 or foreseen.covered_by_others > _COVERED
+        if away and self._solid.stands_free(t_ns):
+            foreseen = replace(foreseen, around=walls | ~free & (depth_m > 0.0))
         foreseen = replace(foreseen, solid=self._solid.find(free, foreseen, reach_m))
         self._there = t_ns, free, foreseen
         return foreseen

@@ -12,9 +12,11 @@ from onboard.follow.steering import Steering
 from onboard.follow.things import DepthView
 from onboard.fusion.config import DepthConfig
 from onboard.fusion.foreseen import Foreseen
-from tests.unit.test_follow_solid import CAMERA, POSE, S, box_at, depth_of
+from tests.unit import test_follow_solid
+from tests.unit.test_follow_solid import CAMERA, EYE_M, POSE, S, box_at, depth_of
 
 HE_M = (4.0, 0.0)
+HE_THERE = (*HE_M, 0.0)
 
 
 class Watched:
@@ -168,15 +170,23 @@ class Followed:
 
 def test_a_wall_is_not_he_while_he_is_unseen_or_covered_and_who_is_seen_may_lean_on_it() -> None:
     followed = Followed()
-    assert followed.see(_before_a_wall((4.0, 0.0, 0.0)), 0.4).around is None, "he may stand on anything"
-    foreseen = followed.see(_before_a_wall((4.0, 0.0, 0.0), (3.0, 1.0, 0.0)), 1.0)
-    assert foreseen.around is not None and _on(foreseen.around, 4.8, 1.0) == 0.0
-    assert foreseen.around[115, 80], "the floor"
+    assert followed.see(_before_a_wall((4.0, 0.0, 0.0), (3.0, 1.0, 0.0)), 1.4).around is None
     for right_m in np.arange(0.9, 0.15, -0.1):
         covered = followed.see(_before_a_wall((4.0, 0.0, 0.0), (3.0, right_m, 0.0)), 1 / 30)
     assert covered.others is not None and covered.around is not None and _on(covered.around, 4.8, 1.0) == 1.0
+    assert covered.around[115, 80], "the floor"
     unseen = followed.see(_before_a_wall((3.0, 0.2, 0.0)), 0.5, seen=False)
     assert unseen.excluded({"at the wall": box_at(4.3, 0.9)}) == {"at the wall"}
+
+
+@pytest.mark.parametrize("falls_m_s", [0.1, 0.2, 0.5])
+def test_who_walks_down_a_slope_is_never_taken_for_the_floor(falls_m_s: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    followed = Followed()
+    followed.see(depth_of(HE_THERE), 1.0)
+    for k in range(60):  # the ground at his feet is lower and lower: the vehicle's height over it is not what it knows
+        monkeypatch.setattr(test_follow_solid, "EYE_M", EYE_M + falls_m_s * k / 15)
+        foreseen = followed.see(depth_of(HE_THERE), 1 / 15)
+        assert not foreseen.excluded({"he": box_at(*HE_M)})
 
 
 def test_who_leans_on_the_wall_and_cannot_be_told_from_it_is_not_taken_for_the_wall() -> None:
